@@ -1,0 +1,120 @@
+"""Weights in and out: safetensors, strict, atomic, leaf by leaf. No pickle."""
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from safetensors.torch import save_file
+from torch import Tensor
+
+from repaint_cli.errors import CheckpointError
+from repaint_cli.files import KEY, header_of, opened, written_whole
+from repaint_cli.learn.trainer import Learner
+from repaint_cli.nets import ActorCritic
+
+
+def save(path: Path, tensors: Mapping[str, Tensor], header: Mapping[str, Any]) -> None:
+    """Write tensors and a JSON header as one safetensors file, whole or not at all."""
+    whole = {name: tensor.detach().contiguous().clone() for name, tensor in tensors.items()}
+    with written_whole(path) as temporary:
+        save_file(whole, temporary, metadata={KEY: json.dumps(header)})
+
+
+def load(path: Path) -> tuple[dict[str, Tensor], dict[str, Any]]:
+    """Read all tensors and the header.
+
+    Raises:
+        CheckpointError: the file is absent, damaged, not one of ours, or holds numbers that are not finite.
+    """
+    with opened(path, "pt") as file:
+        header = header_of(path, file)
+        tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+    for name, tensor in tensors.items():
+        if not torch.isfinite(tensor).all():
+            raise CheckpointError(f"{path}: leaf '{name}' holds numbers that are not finite")
+    return tensors, header
+
+
+def policy_tensors(student: ActorCritic, seed: int | None = None) -> dict[str, Tensor]:
+    """Return the leaves of one seed's policy, critic and normaliser, or of all with their seed axis."""
+    leaves = dict(student.weights)
+    if student.normalizer:
+        names = ("mean", "var", "count")
+        leaves |= {f"normalizer.{name}": getattr(student.normalizer, name) for name in names}
+    return leaves if seed is None else {name: leaf[seed] for name, leaf in leaves.items()}
+
+
+def load_policy(student: ActorCritic, tensors: Mapping[str, Tensor], where: str) -> None:
+    """Put leaves in place: with their seed axis, or without it into every seed.
+
+    Raises:
+        CheckpointError: a leaf is missing, left over, or of another shape or type.
+    """
+    leaves = policy_tensors(student)
+    for name in sorted(leaves.keys() ^ tensors.keys()):
+        found = "missing in the file" if name in leaves else "unknown to the network"
+        raise CheckpointError(f"{where}: leaf '{name}' is {found}")
+    for name, leaf in leaves.items():
+        tensor = tensors[name]
+        wanted = leaf.shape if tensor.ndim == leaf.ndim else leaf.shape[1:]
+        if tensor.shape != wanted or tensor.dtype != leaf.dtype:
+            raise CheckpointError(
+                f"{where}: leaf '{name}' is {_kind(tensor, tensor.shape)} in the file, "
+                f"{_kind(leaf, wanted)} in the network"
+            )
+    with torch.no_grad():
+        for name, leaf in student.weights.items():
+            leaf.copy_(tensors[name])
+    if student.normalizer:
+        prefix = "normalizer."
+        parts = {n.removeprefix(prefix): t for n, t in tensors.items() if n.startswith(prefix)}
+        student.normalizer.load(parts)
+
+
+def _kind(tensor: Tensor, shape: torch.Size) -> str:
+    return f"{tuple(shape)} {str(tensor.dtype).removeprefix('torch.')}"
+
+
+
+
+def save_learner(path: Path, learner: Learner, header: Mapping[str, Any]) -> None:
+    """Write all that a learner is: policies, critics, optimiser, counters."""
+    tensors = {f"net/{name}": leaf for name, leaf in policy_tensors(learner.student).items()}
+    tensors |= {f"adam/{name}": part for name, part in learner.optimizer.state().items()}
+    tensors |= {f"last/{name}": part for name, part in _last(learner).items()}
+    counters = {
+        "seeds": learner.seeds,
+        "iteration": learner.iteration,
+        "env_steps": learner.env_steps.tolist(),
+    }
+    save(path, tensors, {**header, **counters})
+
+
+def load_learner(path: Path, learner: Learner) -> None:
+    """Put a learner back where `save_learner` left it.
+
+    Raises:
+        CheckpointError: the file is damaged, or of another network or other seeds.
+    """
+    tensors, header = load(path)
+    if header.get("seeds") != learner.seeds:
+        raise CheckpointError(f"{path} holds seeds {header.get('seeds')}, wanted {learner.seeds}")
+
+    def part(prefix: str) -> dict[str, Tensor]:
+        return {n.removeprefix(prefix): t for n, t in tensors.items() if n.startswith(prefix)}
+
+    load_policy(learner.student, part("net/"), str(path))
+    learner.optimizer.load(part("adam/"))
+    last = part("last/")
+    learner.last_moments = (last["mean"], last["std"])
+    learner.last_reward = last["reward"]
+    learner.iteration = header["iteration"]
+    learner.env_steps = np.array(header["env_steps"])
+
+
+def _last(learner: Learner) -> dict[str, Tensor]:
+    mean, std = learner.last_moments
+    return {"mean": mean, "std": std, "reward": learner.last_reward}

@@ -1,0 +1,152 @@
+"""The numbers of an experiment: frozen, checked once, a sentence and a unit per field.
+
+A default here is the tested one; a task's card says only what differs. Names are the field's standard terms, the paper's
+symbol stands in each sentence.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+
+class Settings(BaseModel):
+    """A frozen record that refuses unknown keys and numbers that are not finite."""
+
+    model_config = ConfigDict(
+        frozen=True, extra="forbid", use_attribute_docstrings=True, allow_inf_nan=False
+    )
+
+
+class PPOConfig(Settings):
+    """Clipped PPO with generalised advantage estimation (paper, section 3 and tables 3-5)."""
+
+    n_iterations: int = Field(60, gt=0)
+    """Iterations of training: one rollout and one update each."""
+    n_steps: int | None = Field(2048, gt=0)
+    """Valid environment steps in a rollout; absent when `n_episodes` counts instead."""
+    n_episodes: int | None = Field(None, gt=0)
+    """Whole episodes in a rollout; when given, n_envs is not used."""
+    n_envs: int = Field(40, gt=0)
+    """Environments per seed that share the `n_steps` of a rollout."""
+    n_epochs: int = Field(10, gt=0)
+    """Passes over the samples of an iteration."""
+    minibatch_size: int = Field(64, gt=0)
+    """Samples per gradient step; the remainder of a pass is a smaller step."""
+    learning_rate: float = Field(3e-4, gt=0)
+    """Adam's step size."""
+    gamma: float = Field(0.99, gt=0, le=1)
+    """γ, the discount per step."""
+    gae_lambda: float = Field(0.95, ge=0, le=1)
+    """λ of the generalised advantage estimates."""
+    clip_range: float = Field(0.2, gt=0, lt=1)
+    """ε, how far the likelihood ratio may leave 1."""
+    ent_coef: float = Field(1e-4, ge=0)
+    """Weight of the entropy bonus."""
+    vf_coef: float = Field(0.5, gt=0)
+    """Weight of the value loss."""
+
+    @model_validator(mode="after")
+    def _one_length(self) -> "PPOConfig":
+        if self.n_episodes is None and self.n_steps is None:
+            raise ValueError("a rollout needs n_steps or n_episodes")
+        return self
+
+
+class TransferConfig(Settings):
+    """What the teacher contributes, and for how long (paper, algorithms 1 and 2)."""
+
+    iterations: int = Field(15, ge=0)
+    """K, the last iteration with a teacher ("Num. REPAINT iterations"); plain PPO afterwards."""
+    representation: int = Field(1, ge=1)
+    """R of the ratio R:I, on-policy kickstarting iterations in a row; someone must train the critic."""
+    instance: int = Field(1, ge=0)
+    """I of the ratio R:I, off-policy instance-transfer iterations in a row; 0 is kickstarting."""
+    joint: bool = False
+    """Whether both gradients meet in one update (algorithm 1) instead of alternating (algorithm 2)."""
+    kickstart_coef: float = Field(0.2, ge=0)
+    """β₀, weight of the cross-entropy to the teacher at the first iteration."""
+    kickstart_decay: float = Field(0.95, gt=0, le=1)
+    """β is multiplied by this after each iteration of either kind."""
+    alpha_1: float = Field(1.0, gt=0)
+    """α₁, scale of the step on L_rep: of the learning rate when alternating, of the loss when joint."""
+    alpha_2: float = Field(1.0, gt=0)
+    """α₂, the same for L_ins."""
+    teacher_min_std: float = Field(0.0, ge=0)
+    """Floor on the teacher's σ when it samples, is scored and is imitated; continuous actions."""
+    teacher_temperature: float = Field(1.0, gt=0)
+    """Temperature of the teacher's softmax for the same three uses; discrete actions."""
+    teacher_episodes: int = Field(2, gt=0)
+    """Whole teacher episodes in an instance iteration, where rollouts are counted in episodes."""
+
+
+class SelectConfig(Settings):
+    """Which teacher samples survive experience selection (paper, section 4.2)."""
+
+    threshold: float = 0.8
+    """ζ: a teacher sample is kept where its advantage Â′ ≥ ζ."""
+    scale: Literal["teacher-batch", "student-batch", "none"] = "teacher-batch"
+    """What Â′ is standardised with: its own batch, the student's last batch, or nothing (raw)."""
+
+
+class NetConfig(Settings):
+    """The policy's and the critic's networks."""
+
+    kind: Literal["mlp", "cnn"] = "mlp"
+    """Dense layers on a vector, or convolutions on an image."""
+    hidden: tuple[int, ...] = (64, 64)
+    """Widths of the dense tanh layers of an `mlp`."""
+    conv: tuple[tuple[int, int, int], ...] = ((32, 8, 4), (64, 4, 2), (64, 3, 1))
+    """(filters, kernel, stride) of the ReLU convolutions of a `cnn`."""
+    dense: int = Field(512, gt=0)
+    """Width of the ReLU layer between the convolutions and the head."""
+    pool: int = Field(2, ge=1)
+    """Side of the squares of pixels averaged before the first convolution; 1 is the paper's size."""
+    shared: bool = False
+    """Whether policy and critic share the convolutions."""
+
+
+class EvalConfig(Settings):
+    """Evaluation after every iteration, with the deterministic policy."""
+
+    episodes: int = Field(20, gt=0)
+    """Episodes per seed and evaluation."""
+    noise: Literal["none", "paper"] = "none"
+    """Small noise on observations and actions (racer only; paper, appendix B.1)."""
+
+
+@dataclass(frozen=True)
+class Method:
+    """A row of the table of methods: which parts of REPAINT are switched on."""
+
+    summary: str
+    warm_start: bool = False
+    kickstart: bool = False
+    instance: bool = False
+    joint: bool = False
+
+    @property
+    def needs_teacher(self) -> bool:
+        """Whether the method uses a teacher at all."""
+        return self.warm_start or self.kickstart or self.instance
+
+    def apply(self, transfer: TransferConfig) -> TransferConfig:
+        """Switch off what this method leaves out; what remains is all the trainer sees."""
+        off: dict[str, float | bool] = {"joint": self.joint}
+        if not self.kickstart:
+            off["kickstart_coef"] = 0.0
+        if not self.instance:
+            off["instance"] = 0
+        return transfer.model_copy(update=off)
+
+
+METHODS = {
+    "scratch": Method("clipped PPO, no teacher"),
+    "warm-start": Method("PPO from the teacher's weights", warm_start=True),
+    "kickstart": Method("representation transfer alone", kickstart=True),
+    "instance": Method("instance transfer alternating with PPO", instance=True),
+    "repaint": Method("both, alternating (algorithm 2)", kickstart=True, instance=True),
+    "repaint-joint": Method(
+        "both in one update (algorithm 1)", kickstart=True, instance=True, joint=True
+    ),
+}

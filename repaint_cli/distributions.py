@@ -1,0 +1,121 @@
+"""What a policy is at a state: a diagonal Gaussian or a categorical distribution over actions.
+
+Shapes: S seeds, B samples, A action size (Gaussian) or number of actions (categorical). Randomness comes in as
+`noise`, so that every seed owns its generator and a sample is a function.
+"""
+
+from dataclasses import dataclass
+from math import log, pi
+from typing import TypeAlias
+
+import numpy as np
+import torch
+from torch import Tensor
+
+
+@dataclass(frozen=True)
+class Gaussian:
+    """A Gaussian with independent dimensions, N(μ, σ²)."""
+
+    mean: Tensor
+    """μ, (S, B, A)."""
+    log_std: Tensor
+    """log σ, (S, 1, A): the same in every state."""
+
+    @property
+    def n_actions(self) -> int:
+        """A."""
+        return self.mean.shape[-1]
+
+    def log_prob(self, actions: Tensor) -> Tensor:
+        """Return log π(a|s), (S, B), of actions (S, B, A)."""
+        z = (actions - self.mean) * torch.exp(-self.log_std)
+        return (-0.5 * z * z - self.log_std - 0.5 * log(2 * pi)).sum(-1)
+
+    def entropy(self) -> Tensor:
+        """Return the differential entropy, (S, 1): it does not depend on the state."""
+        return (self.log_std + 0.5 * log(2 * pi * np.e)).sum(-1)
+
+    def cross_entropy(self, other: "Gaussian") -> Tensor:
+        """Return H(self‖other), (S, B), in closed form; self is the teacher T with μ = m, σ = τ.
+
+        H(T‖π) = Σ_d [½·log(2πσ_d²) + (τ_d² + (m_d − μ_d)²) / (2σ_d²)]
+        """
+        spread = torch.exp(2 * self.log_std) + (self.mean - other.mean) ** 2  # (S, B, A)
+        scaled = 0.5 * spread * torch.exp(-2 * other.log_std)
+        return (other.log_std + 0.5 * log(2 * pi) + scaled).sum(-1)
+
+    def sample(self, noise: Tensor) -> Tensor:
+        """Return actions μ + σ·noise, (S, B, A), from standard normal noise of that shape."""
+        return self.mean + torch.exp(self.log_std) * noise
+
+    def mode(self) -> Tensor:
+        """Return the most likely actions, (S, B, A)."""
+        return self.mean
+
+    def soften(self, min_std: float, temperature: float) -> "Gaussian":
+        """Return the distribution with no σ below `min_std`."""
+        if min_std == 0:
+            return self
+        return Gaussian(self.mean, self.log_std.clamp(min=log(min_std)))
+
+    @staticmethod
+    def noise(rng: np.random.Generator, shape: tuple[int, ...]) -> np.ndarray:
+        """Draw what `sample` needs."""
+        return rng.standard_normal(shape, dtype=np.float32)
+
+    def __getitem__(self, rows: tuple[Tensor, Tensor]) -> "Gaussian":
+        return Gaussian(self.mean[rows], self.log_std)
+
+
+@dataclass(frozen=True)
+class Categorical:
+    """A distribution over A actions."""
+
+    log_probs: Tensor
+    """log π(·|s), (S, B, A), normalised."""
+
+    @classmethod
+    def from_logits(cls, logits: Tensor) -> "Categorical":
+        """Normalise logits (S, B, A)."""
+        return cls(torch.log_softmax(logits, -1))
+
+    @property
+    def n_actions(self) -> int:
+        """A."""
+        return self.log_probs.shape[-1]
+
+    def log_prob(self, actions: Tensor) -> Tensor:
+        """Return log π(a|s), (S, B), of actions (S, B) int64."""
+        return self.log_probs.gather(-1, actions.unsqueeze(-1)).squeeze(-1)
+
+    def entropy(self) -> Tensor:
+        """Return the entropy, (S, B)."""
+        return self.cross_entropy(self)
+
+    def cross_entropy(self, other: "Categorical") -> Tensor:
+        """Return H(self‖other) = −Σ_a T(a|s)·log π(a|s), (S, B); self is the teacher T."""
+        return -(torch.exp(self.log_probs) * other.log_probs).sum(-1)
+
+    def sample(self, noise: Tensor) -> Tensor:
+        """Return actions (S, B), the largest of log π plus Gumbel noise (S, B, A)."""
+        return (self.log_probs + noise).argmax(-1)
+
+    def mode(self) -> Tensor:
+        """Return the most likely actions, (S, B)."""
+        return self.log_probs.argmax(-1)
+
+    def soften(self, min_std: float, temperature: float) -> "Categorical":
+        """Return the distribution at a temperature: log π / temperature, normalised again."""
+        return self if temperature == 1 else Categorical.from_logits(self.log_probs / temperature)
+
+    @staticmethod
+    def noise(rng: np.random.Generator, shape: tuple[int, ...]) -> np.ndarray:
+        """Draw what `sample` needs."""
+        return rng.gumbel(size=shape).astype(np.float32)
+
+    def __getitem__(self, rows: tuple[Tensor, Tensor]) -> "Categorical":
+        return Categorical(self.log_probs[rows])
+
+
+Distribution: TypeAlias = Gaussian | Categorical

@@ -1,0 +1,102 @@
+"""Any Gymnasium environment by its id, on EnvPool where that was checked to be the same environment.
+
+Both sides follow next-step autoreset: the step that ends an episode returns the true last observation, the following
+step ignores its action and returns the first observation of the next episode. SI units are the environment's own.
+"""
+
+import os
+from collections.abc import Mapping
+from importlib.util import find_spec
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium.vector import AutoresetMode, VectorEnv
+
+from repaint_cli.errors import CardError
+
+ENVPOOL_IDS = frozenset({"Reacher-v5"})
+"""Ids whose bodies, numbers and reward terms a test holds equal to Gymnasium's."""
+
+
+def make_gym(
+    env_id: str, n_envs: int, kwargs: Mapping[str, Any], backend: str = "auto"
+) -> "VectorEnv[Any, Any, Any]":
+    """Make `n_envs` copies of a Gymnasium environment that step together.
+
+    Args:
+        env_id: as in `gymnasium.make`.
+        n_envs: N.
+        kwargs: passed to the environment; EnvPool serves only environments without any.
+        backend: "envpool", "gymnasium", or "auto" for EnvPool where installed and checked.
+
+    Raises:
+        CardError: Gymnasium does not know the id or refuses the arguments.
+    """
+    checked = env_id in ENVPOOL_IDS and not kwargs
+    if backend == "envpool" or (backend == "auto" and checked and find_spec("envpool")):
+        return EnvPoolVector(env_id, n_envs)
+    try:
+        return gymnasium.make_vec(
+            env_id,
+            num_envs=n_envs,
+            vectorization_mode="sync",
+            vector_kwargs={"autoreset_mode": AutoresetMode.NEXT_STEP},
+            **kwargs,
+        )
+    except (gymnasium.error.Error, TypeError, ImportError) as error:
+        reason = str(error).splitlines()[0]
+        raise CardError(f"gymnasium cannot make '{env_id}': {reason}") from error
+
+
+class EnvPoolVector(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
+    """EnvPool behind Gymnasium's interface: seeds are given to `reset`, which makes the pool."""
+
+    metadata = {"autoreset_mode": AutoresetMode.NEXT_STEP}
+
+    def __init__(self, env_id: str, n_envs: int) -> None:
+        self.env_id, self.num_envs = env_id, n_envs
+        self._pool = self._make(list(range(n_envs)))
+        self.single_observation_space = self._pool.observation_space
+        self.single_action_space = self._pool.action_space
+        self.observation_space = gymnasium.vector.utils.batch_space(
+            self.single_observation_space, n_envs
+        )
+        self.action_space = gymnasium.vector.utils.batch_space(self.single_action_space, n_envs)
+
+    def _make(self, seeds: list[int]) -> Any:
+        import envpool
+
+        # More threads than cores would spin against torch's; results do not depend on their number.
+        threads = min(self.num_envs, os.cpu_count() or 1)
+        return envpool.make(
+            self.env_id,
+            env_type="gymnasium",
+            num_envs=self.num_envs,
+            seed=seeds,
+            num_threads=threads,
+        )
+
+    def reset(  # type: ignore[override]
+        self, *, seed: int | list[int] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[np.ndarray, dict[str, Any]]:
+        """Start every environment afresh, environment i from seed[i] (or seed + i)."""
+        if isinstance(seed, int):
+            seed = [seed + i for i in range(self.num_envs)]
+        if seed is not None:
+            self._pool = self._make([int(value) % 2**31 for value in seed])
+        obs, info = self._pool.reset()
+        return obs, info
+
+    def step(
+        self, actions: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
+        """Advance every environment by one step; actions are (N, A) float64."""
+        obs, reward, terminated, truncated, info = self._pool.step(
+            np.asarray(actions, self.single_action_space.dtype)
+        )
+        return obs, reward, terminated, truncated, info
+
+    def close_extras(self, **kwargs: Any) -> None:
+        """Let go of the pool's threads."""
+        self._pool = None

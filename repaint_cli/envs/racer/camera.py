@@ -1,0 +1,153 @@
+"""The camera: 160 × 120 grey pixels of flat ground, four walls and a sky. Metres, radians.
+
+The camera is fixed to the car and the ground is flat, so every row of pixels looks at one line of
+the car's frame, and a picture is a straight walk through the painted ground for each row. Rows
+above the horizon do the same with the plane at the height of the walls' tops: what meets that plane
+inside the field is sky.
+"""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from repaint_cli.envs.racer.ground import LEVELS, TEXEL
+from repaint_cli.envs.racer.kernels import kernel
+
+WIDTH, HEIGHT = 160, 120
+CAMERA_X, CAMERA_Z = 0.14529379, 0.13032555
+"""Ahead of the car's base, and above the ground, m."""
+PITCH = 0.2618
+"""Downwards, rad."""
+HORIZONTAL_VIEW = 1.13
+"""Angle of view from left to right, rad."""
+FOCAL = WIDTH / 2 / np.tan(HORIZONTAL_VIEW / 2)
+"""In pixels."""
+WALL_HEIGHT = 1.0
+SKY = 175
+WALLS = np.array([24, 36, 48, 60], dtype=np.uint8)
+"""Grey levels at least x, greatest x, least y, greatest y; unequal, to tell directions."""
+WALLS.flags.writeable = False
+
+AHEAD, SIDE, LEVEL, SKYWARD = range(4)
+"""Columns of `row_table`."""
+
+
+def row_table() -> NDArray[np.float64]:
+    """Tabulate what each row of pixels looks at, (120, 4).
+
+    Returns:
+        AHEAD: the row's line in the car's frame, x ahead of the base, m;
+        SIDE: how far apart its pixels lie on that line, m (the first is farthest left);
+        LEVEL: which copy of the ground has texels of that size;
+        SKYWARD: 1 for rows above the horizon, which look at the plane of the walls' tops.
+    """
+    down = (np.arange(HEIGHT) + 0.5 - HEIGHT / 2) / FOCAL  # (120,)
+    sink = np.sin(PITCH) + down * np.cos(PITCH)  # of a ray, per unit along the optical axis
+    skyward = sink < 0
+    reach = np.where(skyward, CAMERA_Z - WALL_HEIGHT, CAMERA_Z) / sink
+    side = reach / FOCAL
+    level = np.clip(np.floor(np.log2(side / TEXEL)), 0, LEVELS - 1)
+    ahead = CAMERA_X + reach * (np.cos(PITCH) - down * np.sin(PITCH))
+    return np.stack([ahead, side, level, skyward], axis=1)
+
+
+@kernel
+def _inside_span(start: float, step: float, low: float, high: float) -> tuple[int, int]:
+    """Return the first pixel k and the end of those with low < start + k·step < high."""
+    if step == 0.0:
+        return (0, WIDTH) if low < start < high else (0, 0)
+    a, b = (low - start) / step, (high - start) / step
+    first = np.floor(min(a, b)) + 1.0
+    end = np.ceil(max(a, b))
+    return int(min(max(first, 0.0), WIDTH)), int(min(max(end, 0.0), WIDTH))
+
+
+@kernel
+def _wall_luma(
+    x: float, y: float, dx: float, dy: float, field: np.ndarray, walls: np.ndarray
+) -> Any:
+    """Return the grey level of the wall that a ray from (x, y) towards (dx, dy) meets first."""
+    to_x = field[2] - x if dx > 0.0 else x - field[0]
+    to_y = field[3] - y if dy > 0.0 else y - field[1]
+    if to_x * abs(dy) < to_y * abs(dx):
+        return walls[1] if dx > 0.0 else walls[0]
+    return walls[3] if dy > 0.0 else walls[2]
+
+
+@kernel
+def _ground_span(
+    line: np.ndarray, first: int, end: int, u: float, v: float, du: float, dv: float, level: Any
+) -> None:
+    """Fill pixels first..end of a line by bilinear look-ups at texel (u + k·du, v + k·dv)."""
+    one, half = np.uint32(1), np.float32(0.5)
+    for k in range(first, end):
+        uk, vk = np.float32(u + k * du), np.float32(v + k * dv)
+        c, r = np.uint32(uk), np.uint32(vk)  # unsigned: numba need not look for negative indices
+        fu, fv = uk - np.float32(c), vk - np.float32(r)
+        a, b = np.float32(level[r, c]), np.float32(level[r, c + one])
+        low = a + fu * (b - a)
+        a, b = np.float32(level[r + one, c]), np.float32(level[r + one, c + one])
+        line[k] = np.uint8(low + fv * (a + fu * (b - a) - low) + half)
+
+
+@kernel
+def render(
+    state: np.ndarray,
+    table: np.ndarray,
+    levels: tuple[np.ndarray, ...],
+    origin: np.ndarray,
+    field: np.ndarray,
+    walls: np.ndarray,
+    image: np.ndarray,
+) -> None:
+    """Draw what the camera of one car sees.
+
+    Args:
+        state: the car's x, y (m) and heading (rad) first, (5,).
+        table: `row_table()`, (120, 4).
+        levels: `Ground.levels`.
+        origin: `Ground.origin`, (2,), m.
+        field: `Ground.field`, (4,), m.
+        walls: `WALLS`, (4,).
+        image: filled, (120, 160) uint8.
+    """
+    cos, sin = np.cos(state[2]), np.sin(state[2])
+    eye_x, eye_y = state[0] + CAMERA_X * cos, state[1] + CAMERA_X * sin
+    for row in range(HEIGHT):
+        ahead, side = table[row, AHEAD], table[row, SIDE]
+        left = (WIDTH / 2 - 0.5) * side
+        x, y = state[0] + ahead * cos - left * sin, state[1] + ahead * sin + left * cos
+        dx, dy = side * sin, -side * cos
+        first_x, end_x = _inside_span(x, dx, field[0], field[2])
+        first_y, end_y = _inside_span(y, dy, field[1], field[3])
+        first = max(first_x, first_y)
+        end = max(min(end_x, end_y), first)
+        line = image[row]
+        for k in range(first):
+            line[k] = _wall_luma(eye_x, eye_y, x + k * dx - eye_x, y + k * dy - eye_y, field, walls)
+        for k in range(end, WIDTH):
+            line[k] = _wall_luma(eye_x, eye_y, x + k * dx - eye_x, y + k * dy - eye_y, field, walls)
+        if table[row, SKYWARD] > 0.0:
+            line[first:end] = SKY
+            continue
+        number = int(table[row, LEVEL])
+        size = TEXEL * 2**number
+        u, v = (x - origin[0]) / size - 0.5, (y - origin[1]) / size - 0.5
+        _ground_span(line, first, end, u, v, dx / size, dy / size, levels[number])
+
+
+@kernel
+def render_rows(
+    rows: np.ndarray,
+    states: np.ndarray,
+    table: np.ndarray,
+    levels: tuple[np.ndarray, ...],
+    origin: np.ndarray,
+    field: np.ndarray,
+    walls: np.ndarray,
+    images: np.ndarray,
+) -> None:
+    """Draw the pictures of some cars, by row number (K,), into images (N, 120, 160, 1)."""
+    for row in rows:
+        render(states[row], table, levels, origin, field, walls, images[row, :, :, 0])

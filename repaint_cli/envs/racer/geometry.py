@@ -1,0 +1,107 @@
+"""Questions about closed polylines, compiled, and where a car stands between them. Metres.
+
+A ring is (M, 2), its last row repeating its first. `reference.py` holds the plain numpy twins.
+"""
+
+import numpy as np
+
+from repaint_cli.envs.racer.kernels import kernel
+
+NDIST, CENTRE_GAP, INNER_GAP, OUTER_GAP, ROAD_WIDTH, WHEELS_ON = range(6)
+"""Columns of `locate`'s answer."""
+
+
+@kernel
+def ring_project(ring: np.ndarray, x: float, y: float) -> tuple[float, float, float]:
+    """Find the ring's point nearest to (x, y); ties go to the earlier segment.
+
+    Returns:
+        the point's x and y, and its position i + share: `share` of the way along segment i.
+    """
+    best = np.inf
+    near_x, near_y, where = ring[0, 0], ring[0, 1], 0.0
+    for i in range(len(ring) - 1):
+        ax, ay = ring[i, 0], ring[i, 1]
+        dx, dy = ring[i + 1, 0] - ax, ring[i + 1, 1] - ay
+        squared = dx * dx + dy * dy
+        share = 0.0
+        if squared > 0.0:  # a border may hold a point twice at a sharp bend
+            share = min(max(((x - ax) * dx + (y - ay) * dy) / squared, 0.0), 1.0)
+        px, py = ax + share * dx, ay + share * dy
+        gap = (px - x) ** 2 + (py - y) ** 2
+        if gap < best:
+            best, near_x, near_y, where = gap, px, py, i + share
+    return near_x, near_y, where
+
+
+@kernel
+def ring_holds(ring: np.ndarray, x: float, y: float) -> bool:
+    """Tell whether (x, y) is inside the ring: an eastward ray crosses it an odd number of times."""
+    inside = False
+    for i in range(len(ring) - 1):
+        ax, ay, bx, by = ring[i, 0], ring[i, 1], ring[i + 1, 0], ring[i + 1, 1]
+        if (ay > y) != (by > y) and x < ax + (y - ay) * (bx - ax) / (by - ay):
+            inside = not inside
+    return inside
+
+
+@kernel
+def ring_crosses_itself(ring: np.ndarray) -> bool:
+    """Tell whether two segments of the ring properly cross each other."""
+    m = len(ring) - 1
+    for i in range(m):
+        ax, ay, bx, by = ring[i, 0], ring[i, 1], ring[i + 1, 0], ring[i + 1, 1]
+        for j in range(i + 2, m):
+            cx, cy, dx, dy = ring[j, 0], ring[j, 1], ring[j + 1, 0], ring[j + 1, 1]
+            c_side = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
+            d_side = (bx - ax) * (dy - ay) - (by - ay) * (dx - ax)
+            a_side = (dx - cx) * (ay - cy) - (dy - cy) * (ax - cx)
+            b_side = (dx - cx) * (by - cy) - (dy - cy) * (bx - cx)
+            if c_side * d_side < 0.0 and a_side * b_side < 0.0:
+                return True
+    return False
+
+
+@kernel
+def locate(
+    centre: np.ndarray,
+    distances: np.ndarray,
+    inner: np.ndarray,
+    outer: np.ndarray,
+    front: np.ndarray,
+    wheels: np.ndarray,
+    out: np.ndarray,
+) -> None:
+    """Measure where one car stands on the road.
+
+    The border distances are those of DeepRacer: from the front point to the border points that are
+    nearest to its projection on the centre line. On a bend this differs a little from the nearest
+    border points of the car itself.
+
+    Args:
+        centre: centre line, (M, 2), m.
+        distances: arclength at each centre point, (M,), m.
+        inner: inner border, (M, 2), m.
+        outer: outer border, (M, 2), m.
+        front: the car's front point, (2,), m.
+        wheels: its wheel points, (4, 2), m.
+        out: filled with lap fraction, distances to centre line, inner and outer border (m), road
+            width (m) and the number of wheels on the road, (6,).
+    """
+    x, y = front[0], front[1]
+    cx, cy, where = ring_project(centre, x, y)
+    i = min(int(where), len(centre) - 2)
+    along = distances[i] + (where - i) * (distances[i + 1] - distances[i])
+    ix, iy, _ = ring_project(inner, cx, cy)
+    ox, oy, _ = ring_project(outer, cx, cy)
+    out[NDIST] = along / distances[-1]
+    out[CENTRE_GAP] = np.sqrt((cx - x) ** 2 + (cy - y) ** 2)
+    out[INNER_GAP] = np.sqrt((ix - x) ** 2 + (iy - y) ** 2)
+    out[OUTER_GAP] = np.sqrt((ox - x) ** 2 + (oy - y) ** 2)
+    out[ROAD_WIDTH] = np.sqrt((ox - ix) ** 2 + (oy - iy) ** 2)
+    on = 0
+    for k in range(len(wheels)):
+        wx, wy = wheels[k, 0], wheels[k, 1]
+        if ring_holds(outer, wx, wy) and not ring_holds(inner, wx, wy):
+            on += 1
+    out[WHEELS_ON] = on

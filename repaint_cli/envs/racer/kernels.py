@@ -1,0 +1,18 @@
+"""How the racer compiles its inner loops: one decorator, one set of promises.
+
+Kernels release the interpreter lock, so that threads can share the cars of a batch, and are cached
+on disk. They use strict floating point: a car's numbers never depend on which other cars stand
+beside it.
+"""
+
+from collections.abc import Callable
+from typing import Any, TypeVar, cast
+
+import numba
+
+_Function = TypeVar("_Function", bound=Callable[..., Any])
+
+
+def kernel(function: _Function) -> _Function:
+    """Compile a function with numba; plain numbers and arrays in and out."""
+    return cast(_Function, numba.njit(nogil=True, cache=True)(function))

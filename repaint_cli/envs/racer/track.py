@@ -1,0 +1,159 @@
+"""The track: three closed polylines, checked once. Metres and radians.
+
+Knows nothing of files, cars or cameras. A ring is an array (M, 2) whose last row repeats its first.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from repaint_cli.envs.racer.geometry import ring_crosses_itself, ring_holds, ring_project
+
+Floats = NDArray[np.float64]
+
+_SAME_POINT = 1e-9  # metres; many published tracks hold one row twice
+_LEAST_CORNERS = 4
+
+
+@dataclass(frozen=True, eq=False)
+class Track:
+    """A closed road between two borders. Arrays are read-only; equal tracks hash alike."""
+
+    name: str
+    """What people call it."""
+    centre: Floats
+    """Centre line in driving order, (M, 2), m."""
+    inner: Floats
+    """Border on the infield side, (M, 2), m."""
+    outer: Floats
+    """Border on the outfield side, (M, 2), m."""
+    distances: Floats
+    """Arclength of each centre point from the start line, (M,), m; the last is `length`."""
+    length: float
+    """Length of the centre line, m."""
+    width: float
+    """Median distance between the borders, m."""
+    ccw: bool
+    """Whether the centre line runs counter-clockwise, so that the infield is on the left."""
+
+    @classmethod
+    def from_waypoints(cls, waypoints: np.ndarray, name: str) -> "Track":
+        """Build a track from rows of (centre x, y, inner x, y, outer x, y), (N, 6), m.
+
+        The last row must repeat the first. Rows that repeat their predecessor are dropped.
+
+        Raises:
+            ValueError: the rows are no closed road; the message says what was wanted and what was
+                found.
+        """
+        rows = _checked_rows(waypoints, name)
+        centre, inner, outer = (np.ascontiguousarray(rows[:, k : k + 2]) for k in (0, 2, 4))
+        for ring, label in (
+            (centre, "centre line"),
+            (inner, "inner border"),
+            (outer, "outer border"),
+        ):
+            _check_ring(ring, f"track '{name}': the {label}")
+        if not all(ring_holds(outer, x, y) for x, y in inner):
+            raise ValueError(
+                f"track '{name}': the inner border must lie inside the outer one; "
+                "swap columns 3-4 with columns 5-6, or repair the borders"
+            )
+        steps = np.hypot(*np.diff(centre, axis=0).T)  # (M-1,)
+        distances = np.concatenate([[0.0], np.cumsum(steps)])
+        for array in (centre, inner, outer, distances):
+            array.flags.writeable = False
+        return cls(
+            name=name,
+            centre=centre,
+            inner=inner,
+            outer=outer,
+            distances=distances,
+            length=float(distances[-1]),
+            width=_median_width(centre, inner, outer),
+            ccw=_signed_area(centre) > 0,
+        )
+
+    def pose_at(self, lap_fraction: Floats) -> tuple[Floats, Floats]:
+        """Find the places at these fractions of the lap.
+
+        Args:
+            lap_fraction: arclength from the start line over the track's length, any shape S; wraps
+                at 1.
+
+        Returns:
+            points on the centre line (*S, 2), m, and the line's heading there, S, rad.
+        """
+        along = np.mod(np.asarray(lap_fraction, dtype=np.float64), 1.0) * self.length
+        i = np.searchsorted(self.distances, along, side="right") - 1
+        i = np.clip(i, 0, len(self.centre) - 2)
+        step = self.centre[i + 1] - self.centre[i]  # (*S, 2)
+        share = (along - self.distances[i]) / (self.distances[i + 1] - self.distances[i])
+        return self.centre[i] + share[..., None] * step, np.arctan2(step[..., 1], step[..., 0])
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Track) and self._key == other._key
+
+    def __hash__(self) -> int:
+        return hash(self._key)
+
+    @property
+    def _key(self) -> tuple[str, bytes, bytes, bytes]:
+        return self.name, self.centre.tobytes(), self.inner.tobytes(), self.outer.tobytes()
+
+
+def _checked_rows(waypoints: np.ndarray, name: str) -> Floats:
+    """Return the waypoints as a closed float array without repeated rows, (M, 6)."""
+    rows = np.asarray(waypoints)
+    if rows.ndim != 2 or rows.shape[1] != 6:
+        raise ValueError(
+            f"track '{name}': expected an array of shape (N, 6), found {rows.shape}; "
+            "a row is centre x, y, inner x, y, outer x, y"
+        )
+    if rows.dtype.kind not in "fiu" or not np.isfinite(rows).all():
+        raise ValueError(
+            f"track '{name}': expected finite numbers, found NaN, infinity or another type "
+            f"({rows.dtype}); remove those rows"
+        )
+    rows = rows.astype(np.float64)
+    if len(rows):
+        moves = np.abs(np.diff(rows, axis=0)).max(axis=1) > _SAME_POINT
+        rows = rows[np.concatenate([[True], moves])]
+    if len(rows) < _LEAST_CORNERS + 1:
+        raise ValueError(
+            f"track '{name}': expected at least {_LEAST_CORNERS} different rows and the first "
+            f"one again, found {len(rows)} rows; add waypoints"
+        )
+    gap = np.abs(rows[-1] - rows[0]).max()
+    if gap > _SAME_POINT:
+        raise ValueError(
+            f"track '{name}': expected the last row to repeat the first, found them {gap:.3g} m "
+            "apart; open tracks cannot be lapped: close it"
+        )
+    rows[-1] = rows[0]
+    return rows
+
+
+def _check_ring(ring: Floats, what: str) -> None:
+    """Refuse rings without area and rings that cross themselves."""
+    if abs(_signed_area(ring)) < 1e-6:
+        raise ValueError(f"{what} must enclose an area, found none; check its columns")
+    if ring_crosses_itself(ring):
+        raise ValueError(f"{what} must not cross itself, found a crossing; smooth or thin it")
+
+
+def _signed_area(ring: Floats) -> float:
+    """Return the shoelace area, m²; positive for counter-clockwise rings."""
+    x, y = ring[:-1].T
+    x_next, y_next = ring[1:].T
+    return float(np.sum(x * y_next - x_next * y) / 2)
+
+
+def _median_width(centre: Floats, inner: Floats, outer: Floats) -> float:
+    widths = []
+    for x, y in centre[:-1]:
+        x_in, y_in, _ = ring_project(inner, x, y)
+        x_out, y_out, _ = ring_project(outer, x, y)
+        widths.append(np.hypot(x_in - x_out, y_in - y_out))
+    return float(np.median(widths))

@@ -1,0 +1,55 @@
+"""The reward as a weighted sum of named terms, r = w·φ (paper, section 5.2 and equation 5)."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from gymnasium.vector import VectorEnv, VectorWrapper
+
+from repaint_cli.errors import CardError
+
+
+class RewardTerms(VectorWrapper):
+    """Replace an environment's reward by w·φ, with φ read from its `info`.
+
+    Every step's info gains `reward_terms`, (N, F) float64 in the order of the weights. Steps that only reset an
+    environment have φ = 0.
+    """
+
+    def __init__(self, env: "VectorEnv[Any, Any, Any]", weights: Mapping[str, float]) -> None:
+        super().__init__(env)
+        self.names = tuple(weights)
+        self.weights = np.array([weights[name] for name in self.names])  # (F,)
+        self._ended = np.zeros(env.num_envs, bool)
+
+    def reset(self, **kwargs: Any) -> tuple[Any, dict[str, Any]]:
+        """Start every environment afresh."""
+        self._ended[:] = False
+        return self.env.reset(**kwargs)
+
+    def step(self, actions: Any) -> tuple[Any, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
+        """Advance every environment by one step.
+
+        Raises:
+            CardError: the environment does not report one of the terms.
+        """
+        obs, _, terminated, truncated, info = self.env.step(actions)
+        terms = np.zeros((self.num_envs, len(self.names)))  # (N, F)
+        acting = ~self._ended
+        if acting.any():
+            for column, name in enumerate(self.names):
+                terms[:, column] = np.where(acting, self._term(info, name), 0.0)
+        self._ended = np.logical_or(terminated, truncated)
+        return obs, terms @ self.weights, terminated, truncated, info | {"reward_terms": terms}
+
+    def _term(self, info: Mapping[str, Any], name: str) -> Any:
+        if name not in info:
+            numbers = sorted(
+                key for key, value in info.items()
+                if not key.startswith("_") and getattr(value, "dtype", None) == np.float64
+            )  # fmt: skip
+            raise CardError(
+                f"the environment reports no reward term '{name}'; its info has: "
+                f"{', '.join(numbers) or 'nothing'}"
+            )
+        return info[name]

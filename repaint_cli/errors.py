@@ -1,0 +1,73 @@
+"""What can go wrong, as a tree; the number is the exit code of the command line.
+
+```
+RepaintError                1   anything the program can explain in a line
+├── NotFound                2   an unknown task, teacher, run, method or setting
+├── CardError               3   a card, a setting or an environment says something it may not
+├── TeacherMismatch         4   a teacher and a task do not fit
+├── CheckpointError         5   a weights file is absent, damaged, or of another shape
+├── DivergedError           6   a loss, a weight or an observation is not finite
+├── StoreError              7   a file or folder cannot be written, or exists already
+└── RenderError             8   no offscreen renderer works here
+```
+
+Messages say what was wanted, what was found and what to do, in one line.
+"""
+
+from collections.abc import Iterable
+from difflib import get_close_matches
+
+
+class RepaintError(Exception):
+    """Anything the program can explain to a person in a line."""
+
+    exit_code = 1
+
+
+class NotFound(RepaintError):
+    """An unknown task, teacher, run, method or setting."""
+
+    exit_code = 2
+
+    @classmethod
+    def named(cls, kind: str, name: str, known: Iterable[str], where: str) -> "NotFound":
+        """Say that `name` is no `kind`, which names are near, and where they are listed."""
+        near = get_close_matches(name, list(known), n=3, cutoff=0.5)
+        hint = f"; did you mean {' or '.join(near)}?" if near else ";"
+        return cls(f"unknown {kind} '{name}'{hint} see: {where}")
+
+
+class CardError(RepaintError):
+    """A card, a setting or an environment says something it may not."""
+
+    exit_code = 3
+
+
+class TeacherMismatch(RepaintError):
+    """A teacher and a task do not fit."""
+
+    exit_code = 4
+
+
+class CheckpointError(RepaintError):
+    """A weights file is absent, damaged, or of another shape."""
+
+    exit_code = 5
+
+
+class DivergedError(RepaintError):
+    """A loss, a weight or an observation is not finite."""
+
+    exit_code = 6
+
+
+class StoreError(RepaintError):
+    """A file or folder cannot be written, or exists already."""
+
+    exit_code = 7
+
+
+class RenderError(RepaintError):
+    """No offscreen renderer works on this machine."""
+
+    exit_code = 8

@@ -1,0 +1,117 @@
+"""Let a policy play, deterministically, and say how it went."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from repaint_cli.learn.rollout import Policy, Rollout, collect, start
+from repaint_cli.learn.seeding import Purpose, env_seeds, generator
+from repaint_cli.nets import ActorCritic
+from repaint_cli.tasks import GymEnv, RacerEnv, TaskCard
+
+RACER_RECORDS = ("x", "y", "heading", "speed", "steering", "progress", "status")
+
+
+@dataclass(frozen=True)
+class Episodes:
+    """E episodes of each of S policies."""
+
+    returns: np.ndarray
+    """Undiscounted sum of the rewards, (S, E)."""
+    lengths: np.ndarray
+    """Steps, (S, E)."""
+    terms: np.ndarray
+    """Undiscounted sums of the reward terms φ, (S, E, F)."""
+    rewards: np.ndarray
+    """Reward per step, (T, S, E), nan after the end."""
+    actions: np.ndarray
+    """What was done, (T, S, E[, A])."""
+    records: dict[str, np.ndarray]
+    """The racer's state after each step, (T, S, E), nan after the end; empty elsewhere."""
+    env_seeds: list[int]
+    """The environments' seeds, (S · E,), seed by seed."""
+    paths: np.ndarray | None
+    """Where the car or the fingertip was, (S, E, T, 2) in m, nan after the end."""
+    targets: np.ndarray | None
+    """Where the fingertip should go, (S, E, 2) in m."""
+
+    @property
+    def progress(self) -> np.ndarray | None:
+        """The share of a lap driven when the episode ended, (S, E) in %; None off the track."""
+        return self._last("progress")
+
+    @property
+    def status(self) -> np.ndarray | None:
+        """How each racing episode ended, (S, E) codes of the racer's STATUS."""
+        return self._last("status")
+
+    def _last(self, name: str) -> np.ndarray | None:
+        if name not in self.records:
+            return None
+        ends = self.lengths[None] - 1
+        return np.take_along_axis(self.records[name], ends, axis=0)[0]
+
+
+def evaluate(
+    policy: Policy | ActorCritic,
+    task: TaskCard,
+    seeds: list[int],
+    n_episodes: int,
+    iteration: int = 0,
+    purpose: Purpose = Purpose.EVALUATE,
+) -> Episodes:
+    """Play E episodes with each seed's most likely actions.
+
+    The environments' seeds depend on the run seed, the purpose and the iteration, never on the method, so that methods
+    meet the same episodes. Racing cards add the paper's small noise and spread the starts over the lap: a
+    deterministic car from one start would be one episode E times.
+
+    Args:
+        policy: S policies.
+        task: whose environment and rewards.
+        seeds: the run seeds, (S,).
+        n_episodes: E.
+        iteration: after which iteration.
+        purpose: EVALUATE during training, SCORE for a teacher's score.
+    """
+    act = policy.policy if isinstance(policy, ActorCritic) else policy
+    noise = task.eval.noise == "paper"
+    env, obs = start(task, seeds, n_episodes, purpose, iteration, one_episode=True, noise=noise)
+    record = RACER_RECORDS if isinstance(task.env, RacerEnv) else ()
+    rngs = [generator(seed, purpose, iteration) for seed in seeds]
+    rollout = collect(env, obs, act, rngs, greedy=True, record=record)
+    env.close()
+    return _episodes(task, rollout, env_seeds(seeds, purpose, iteration, n_episodes))
+
+
+def _episodes(task: TaskCard, rollout: Rollout, seeds: list[int]) -> Episodes:
+    valid = rollout.valid
+    records = {name: np.where(valid, rows, np.nan) for name, rows in rollout.records.items()}
+    paths, targets = _paths(task, rollout, records)
+    return Episodes(
+        returns=(rollout.rewards * valid).sum(0),
+        lengths=valid.sum(0),
+        terms=(rollout.reward_terms * valid[..., None]).sum(0),
+        rewards=np.where(valid, rollout.rewards, np.nan),
+        actions=rollout.actions,
+        records=records,
+        env_seeds=seeds,
+        paths=paths,
+        targets=targets,
+    )
+
+
+def _paths(
+    task: TaskCard, rollout: Rollout, records: dict[str, np.ndarray]
+) -> tuple[np.ndarray | None, np.ndarray | None]:
+    """Return where things went, (S, E, T, 2), and where they should, (S, E, 2), if the task has such."""
+    if records:
+        xy = np.stack([records["x"], records["y"]], -1)  # (T, S, E, 2)
+        return np.moveaxis(xy, 0, 2), None
+    if not (isinstance(task.env, GymEnv) and task.env.id == "Reacher-v5"):
+        return None, None
+    stores = [store.numpy() for store in rollout.frames.stores]
+    obs = np.stack([store[rollout.index[:, s]] for s, store in enumerate(stores)])  # (S, T+1, E, O)
+    target, gap = obs[..., 4:6], obs[..., 8:10]  # the gap is fingertip − target
+    seen = np.concatenate([rollout.valid[:1], rollout.valid]).transpose(1, 0, 2)[..., None]
+    return np.where(seen, target + gap, np.nan).transpose(0, 2, 1, 3), target[:, 0]

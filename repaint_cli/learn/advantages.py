@@ -1,0 +1,155 @@
+"""From a rollout to samples: generalised advantage estimates with the student's critic."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from repaint_cli.distributions import Categorical, Distribution, Gaussian
+from repaint_cli.learn.rollout import Frames, Policy, Rollout
+
+CHUNK = 512
+"""Images a network looks at in one go; bounds the memory of a pass over a whole rollout."""
+
+Value = Callable[[Tensor, Sequence[int]], Tensor]
+"""Maps observations (S, B, *O), of which the first counts[s] are real, to V, (S, B)."""
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Transitions without order, ready for minibatches; each seed's first counts[s] are real."""
+
+    frames: Frames
+    """The observations they refer to."""
+    rows: Tensor
+    """Which observation each saw, (S, B) int64."""
+    actions: Tensor
+    """What was done, (S, B, A) or (S, B) int64."""
+    behavior_log_probs: Tensor
+    """log μ(a|s) of the policy that acted, (S, B)."""
+    advantages: Tensor
+    """Â(s, a), raw until `standardize`, (S, B)."""
+    returns: Tensor
+    """Â + V, the critic's targets, (S, B)."""
+    rewards: Tensor
+    """r of the target task, (S, B)."""
+    counts: Tensor
+    """How many are real, (S,) int64."""
+
+    def __post_init__(self) -> None:
+        for name in ("actions", "behavior_log_probs", "advantages", "returns", "rewards"):
+            shape = tuple(getattr(self, name).shape[:2])
+            if shape != tuple(self.rows.shape):
+                raise ValueError(f"{name} is {shape}, rows are {tuple(self.rows.shape)}")
+
+    @property
+    def mask(self) -> Tensor:
+        """Which are real, (S, B) bool."""
+        return torch.arange(self.rows.shape[1]) < self.counts.unsqueeze(1)
+
+    def pick(self, positions: Tensor, counts: Tensor) -> "Samples":
+        """Return the samples at positions (S, K), of which each seed's first counts[s] are real."""
+        seeds = torch.arange(len(positions)).unsqueeze(1)
+        names = ("rows", "actions", "behavior_log_probs", "advantages", "returns", "rewards")
+        parts = {name: getattr(self, name)[seeds, positions] for name in names}
+        return Samples(frames=self.frames, counts=counts, **parts)
+
+    def keep(self, kept: Tensor) -> "Samples":
+        """Return only the samples where kept (S, B), in order, each seed with its own number."""
+        kept = kept & self.mask
+        counts = kept.sum(1)
+        front = torch.argsort(~kept, dim=1, stable=True)[:, : int(counts.max())]
+        return self.pick(front, counts)
+
+
+def gae(
+    rewards: np.ndarray,
+    values: np.ndarray,
+    next_values: np.ndarray,
+    terminations: np.ndarray,
+    ends: np.ndarray,
+    gamma: float,
+    gae_lambda: float,
+) -> np.ndarray:
+    """Return generalised advantage estimates (Schulman et al. 2016, eq. 16), backwards in time.
+
+        δₜ = rₜ + γ·(1 − terminatedₜ)·V(sₜ₊₁) − V(sₜ)
+        Âₜ = δₜ + γλ·(1 − endₜ)·Âₜ₊₁             end = terminated, truncated, or the last of the rollout
+
+    `next_values` holds V of the state that truly followed, also where the environment was reset, so neither truncation
+    nor the end of the rollout is a special case. Every array is (T, …).
+    """
+    deltas = rewards + gamma * np.where(terminations, 0.0, next_values) - values
+    advantages, carry = np.empty_like(deltas), np.zeros_like(deltas[0])
+    for t in reversed(range(len(deltas))):
+        carry = deltas[t] + gamma * gae_lambda * np.where(ends[t], 0.0, carry)
+        advantages[t] = carry
+    return advantages
+
+
+def to_samples(
+    rollout: Rollout, value: Value, gamma: float, gae_lambda: float
+) -> Samples:
+    """Estimate advantages with the student's critic and lay the valid steps out as samples.
+
+    Args:
+        rollout: whoever acted; rewards are the target task's.
+        value: the student's critic.
+        gamma: γ.
+        gae_lambda: λ.
+    """
+    n_seeds = rollout.valid.shape[1]
+    values = _values(rollout, value)  # (T+1, S, N)
+    followed = np.concatenate([rollout.valid[1:], np.zeros_like(rollout.valid[:1])])
+    ends = rollout.terminations | rollout.truncations | ~followed
+    advantages = gae(
+        rollout.rewards, values[:-1], values[1:], rollout.terminations, ends, gamma, gae_lambda
+    )
+
+    def flat(array: np.ndarray) -> Tensor:
+        """Lay each seed's valid steps in a row, padded with zeros: (T, S, N, …) → (S, B, …)."""
+        rows = [torch.from_numpy(array[:, s][rollout.valid[:, s]]) for s in range(n_seeds)]
+        return torch.nn.utils.rnn.pad_sequence(rows, batch_first=True)
+
+    return Samples(
+        frames=rollout.frames,
+        rows=flat(rollout.index[:-1]),
+        actions=flat(rollout.actions),
+        behavior_log_probs=flat(rollout.behavior_log_probs),
+        advantages=flat(advantages).float(),
+        returns=flat(advantages + values[:-1]).float(),
+        rewards=flat(rollout.rewards).float(),
+        counts=torch.from_numpy(rollout.valid.sum((0, 2))),
+    )
+
+
+def _values(rollout: Rollout, value: Value) -> np.ndarray:
+    """Return V of every stored observation where it stands in the rollout, (T+1, S, N) float64."""
+    sizes = torch.tensor([len(store) for store in rollout.frames.stores])
+    rows = torch.minimum(torch.arange(int(sizes.max())).repeat(len(sizes), 1), sizes[:, None] - 1)
+    known = torch.cat(list(_passes(value, rollout.frames, rows, sizes)), 1).double().numpy()
+    return np.stack([known[s][rollout.index[:, s]] for s in range(len(sizes))], axis=1)
+
+
+def describe(policy: Policy, samples: Samples) -> Distribution:
+    """Return a policy's distributions at all samples, (S, B), without gradients."""
+    parts = list(_passes(policy, samples.frames, samples.rows, samples.counts))
+    if isinstance(parts[0], Gaussian):
+        return Gaussian(torch.cat([part.mean for part in parts], 1), parts[0].log_std.detach())
+    return Categorical(torch.cat([part.log_probs for part in parts], 1))
+
+
+def _passes(
+    network: Callable[[Tensor, Sequence[int]], Any], frames: Frames, rows: Tensor, counts: Tensor
+) -> Iterator[Any]:
+    """Let a network look at observations (S, B) a chunk at a time, without gradients."""
+    chunk = rows.shape[1] if frames.stores[0].ndim == 2 else CHUNK
+    for start in range(0, rows.shape[1], chunk):
+        part = rows[:, start : start + chunk]
+        real = (counts - start).clamp(0, part.shape[1]).tolist()
+        with torch.no_grad():
+            seen = network(frames.take(part), real)
+        yield seen

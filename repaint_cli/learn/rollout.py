@@ -1,0 +1,249 @@
+"""Drive S × N environments with a policy and remember everything: who acted, what was paid, how it ended."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import gymnasium
+import numpy as np
+import torch
+from torch import Tensor
+
+from repaint_cli.distributions import Distribution
+from repaint_cli.envs.terms import RewardTerms
+from repaint_cli.errors import DivergedError
+from repaint_cli.learn.seeding import Purpose, env_seeds
+from repaint_cli.tasks import TaskCard
+
+Policy = Callable[[Tensor, Sequence[int]], Distribution]
+"""Maps observations (S, B, *O), of which the first counts[s] are real, to distributions over actions."""
+
+
+class Frames:
+    """The observations of a rollout, each stored once; images stay uint8, seed by seed."""
+
+    def __init__(self, stores: list[Tensor]) -> None:
+        """Keep S stores (M_s, *O); vectors are stacked, as they are small and read often."""
+        self.stores = stores
+        longest = max(len(store) for store in stores)
+        self._stacked = None
+        if stores[0].ndim == 2:
+            self._stacked = torch.stack([_pad(store, longest) for store in stores])
+            self._seeds = torch.arange(len(stores)).unsqueeze(1)
+
+    def take(self, rows: Tensor) -> Tensor:
+        """Return the observations at rows (S, B) of each seed's store, (S, B, *O)."""
+        if self._stacked is not None:
+            return self._stacked[self._seeds, rows]
+        return torch.stack([store[r] for store, r in zip(self.stores, rows, strict=True)])
+
+
+@dataclass(frozen=True)
+class Rollout:
+    """What happened, step by step. Invalid entries (resets, finished episodes) are not to be read."""
+
+    frames: Frames
+    """The observations."""
+    index: np.ndarray
+    """Where each observation is in its seed's store, (T+1, S, N); row t+1 truly followed row t."""
+    actions: np.ndarray
+    """What the policy chose, before any clipping to bounds: (T, S, N, A) or (T, S, N) int64."""
+    behavior_log_probs: np.ndarray
+    """log μ(a|s) of the policy that acted, (T, S, N)."""
+    reward_terms: np.ndarray
+    """φ, (T, S, N, F)."""
+    rewards: np.ndarray
+    """w·φ, (T, S, N)."""
+    terminations: np.ndarray
+    """Whether the step ended the episode for good, (T, S, N)."""
+    truncations: np.ndarray
+    """Whether a time limit cut the episode there, (T, S, N)."""
+    valid: np.ndarray
+    """Whether the step counts, (T, S, N)."""
+    records: dict[str, np.ndarray] = field(default_factory=dict)
+    """Whatever else was asked for from `info`, each (T, S, N)."""
+
+    def episodes(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return (seed, return, length) of every episode that ended here, (episodes,) each."""
+        total, length = np.zeros(self.valid.shape[1:]), np.zeros(self.valid.shape[1:], int)
+        ended: list[tuple[int, float, int]] = []
+        for t, valid in enumerate(self.valid):
+            total += np.where(valid, self.rewards[t], 0)
+            length += valid
+            over = valid & (self.terminations[t] | self.truncations[t])
+            ended += [(s, total[s, n], length[s, n]) for s, n in zip(*over.nonzero(), strict=True)]
+            total[over], length[over] = 0, 0
+        seeds, returns, lengths = zip(*ended, strict=True) if ended else ((), (), ())
+        return np.array(seeds, int), np.array(returns), np.array(lengths, int)
+
+
+def start(
+    task: TaskCard,
+    seeds: list[int],
+    n_envs: int,
+    purpose: Purpose,
+    iteration: int,
+    *,
+    one_episode: bool = False,
+    noise: bool = False,
+) -> tuple[RewardTerms, np.ndarray]:
+    """Make and reset S × N fresh environments with seeds of their own; return their first observations.
+
+    Evaluation starts are spread over the task's starts; training starts go on where the last iteration's ended.
+    """
+    env = task.make_env(len(seeds) * n_envs, one_episode=one_episode, noise=noise)
+    spread = purpose in (Purpose.EVALUATE, Purpose.SCORE)
+    options = task.start_options(len(seeds), n_envs, None if spread else iteration)
+    obs, _ = env.reset(seed=env_seeds(seeds, purpose, iteration, n_envs), options=options)
+    return env, obs
+
+
+def collect(
+    env: RewardTerms,
+    obs: np.ndarray,
+    policy: Policy,
+    rngs: Sequence[np.random.Generator],
+    *,
+    n_steps: int | None = None,
+    greedy: bool = False,
+    record: Sequence[str] = (),
+) -> Rollout:
+    """Let a policy act until every seed has enough.
+
+    Args:
+        env: S · N environments, seed by seed, already reset.
+        obs: their first observations, (S · N, *O).
+        policy: who acts.
+        rngs: one generator per seed for the actions.
+        n_steps: valid steps per seed; where absent, every environment plays exactly one episode.
+        greedy: take the most likely action instead of a sample.
+        record: further numbers to keep from `info`.
+
+    Raises:
+        DivergedError: an observation or a reward is not finite.
+    """
+    shape = (len(rngs), env.num_envs // len(rngs))  # (S, N)
+    tape = _Tape(shape, record)
+    noise = _Noise(rngs, shape[1])
+    taken = np.zeros(shape[0], int)
+    running, resetting, before = np.ones(shape, bool), np.zeros(shape, bool), np.zeros(shape, bool)
+    while True:
+        valid = running & ~resetting
+        if n_steps is not None:  # the last environments of the last step may be too many
+            valid &= valid.cumsum(1) + taken[:, None] <= n_steps
+        obs = obs.reshape(*shape, *obs.shape[-len(env.single_observation_space.shape or ()) :])
+        _check_finite(obs, valid | before, "observation", len(tape.valid))
+        tape.observe(obs, valid | before)
+        if not running.any() if n_steps is None else (taken >= n_steps).all():
+            return tape.rollout()
+        with torch.no_grad():
+            actions, log_probs = _act(policy, obs, valid, noise, greedy)
+        obs, rewards, terminated, truncated, info = env.step(_to_env(actions, env))
+        rewards, terminated, truncated = (x.reshape(shape) for x in (rewards, terminated, truncated))
+        _check_finite(rewards[..., None], valid, "reward", len(tape.valid))
+        tape.act(valid, actions, log_probs, rewards, terminated, truncated, info)
+        taken += valid.sum(1)
+        resetting, before = terminated | truncated, valid
+        if n_steps is None:
+            running, resetting = running & ~resetting, np.zeros(shape, bool)
+
+
+def _act(
+    policy: Policy, obs: np.ndarray, valid: np.ndarray, noise: "_Noise", greedy: bool
+) -> tuple[np.ndarray, np.ndarray]:
+    """Choose actions, looking only at images that count; return them with log μ(a|s), (S, N)."""
+    seats: Any = slice(None)
+    counts = [obs.shape[1]] * len(obs)
+    if obs.ndim > 3:  # bring the images that count to the front of each seed's row
+        order = np.argsort(~valid, axis=1, kind="stable")  # (S, N)
+        counts = valid.sum(1).tolist()
+        seats = (np.arange(len(obs))[:, None], order[:, : max(counts)])
+    seen = torch.from_numpy(np.ascontiguousarray(obs[seats]))
+    distribution = policy(seen if obs.ndim > 3 else seen.float(), counts)
+    chosen = distribution.mode() if greedy else distribution.sample(noise.draw(distribution, seats))
+    log_probs = distribution.log_prob(chosen)
+    actions = np.zeros((*valid.shape, *chosen.shape[2:]), chosen.numpy().dtype)
+    full_log_probs = np.zeros(valid.shape, np.float32)
+    actions[seats], full_log_probs[seats] = chosen.numpy(), log_probs.numpy()
+    return actions, full_log_probs
+
+
+def _to_env(actions: np.ndarray, env: RewardTerms) -> np.ndarray:
+    """Flatten seeds and environments, and clip to the bounds a continuous action has."""
+    flat = actions.reshape(-1, *actions.shape[2:])
+    space = env.single_action_space
+    if isinstance(space, gymnasium.spaces.Box):
+        return np.clip(flat.astype(np.float64), space.low, space.high)
+    return flat
+
+
+def _check_finite(numbers: np.ndarray, mask: np.ndarray, what: str, t: int) -> None:
+    if numbers.dtype.kind == "f" and not np.isfinite(numbers[mask]).all():
+        s, n = np.argwhere(mask & ~np.isfinite(numbers).all(-1))[0]
+        raise DivergedError(
+            f"expected finite numbers from the environment, found a {what} that is not, "
+            f"in environment {n} of seed number {s} at step {t} of the rollout"
+        )
+
+
+def _pad(store: Tensor, length: int) -> Tensor:
+    return torch.cat([store, store.new_zeros(length - len(store), *store.shape[1:])])
+
+
+class _Noise:
+    """Each seed's own stream of noise for its N environments, drawn 64 steps at a time."""
+
+    def __init__(self, rngs: Sequence[np.random.Generator], n_envs: int) -> None:
+        self._rngs, self._n_envs, self._t = rngs, n_envs, 0
+        self._block = np.empty(0)
+
+    def draw(self, distribution: Distribution, seats: Any) -> Tensor:
+        if self._t % 64 == 0:
+            shape = (64, self._n_envs, distribution.n_actions)
+            self._block = np.stack([distribution.noise(rng, shape) for rng in self._rngs], axis=1)
+        drawn = self._block[self._t % 64]  # (S, N, A)
+        self._t += 1
+        return torch.from_numpy(drawn[seats])
+
+
+class _Tape:
+    """Lists that grow step by step, and become a Rollout."""
+
+    def __init__(self, shape: tuple[int, int], record: Sequence[str]) -> None:
+        self.shape = shape
+        self.images: list[list[np.ndarray]] = [[] for _ in range(shape[0])]
+        self.sizes = np.zeros(shape[0], int)
+        self.index: list[np.ndarray] = []
+        self.valid: list[np.ndarray] = []
+        self.steps: list[tuple[np.ndarray, ...]] = []
+        self.terms: list[np.ndarray] = []
+        self.records: dict[str, list[np.ndarray]] = {name: [] for name in record}
+
+    def observe(self, obs: np.ndarray, keep: np.ndarray) -> None:
+        """Store the observations (S, N, *O) where keep (S, N), and where they went."""
+        self.index.append(np.where(keep, self.sizes[:, None] + keep.cumsum(1) - 1, 0))
+        self.sizes += keep.sum(1)
+        for store, seen, mask in zip(self.images, obs, keep, strict=True):
+            store.append(seen[mask] if seen.dtype == np.uint8 else seen[mask].astype(np.float32))
+
+    def act(self, valid: np.ndarray, *step: Any) -> None:
+        """Store a step and its info."""
+        *arrays, info = step
+        self.valid.append(valid)
+        self.steps.append(tuple(arrays))
+        self.terms.append(info["reward_terms"].reshape(*self.shape, -1))
+        for name, rows in self.records.items():
+            rows.append(np.array(info[name], float).reshape(self.shape))
+
+    def rollout(self) -> Rollout:
+        """Stack what was stored, without keeping a second copy of the images."""
+        stores = []
+        for s in range(self.shape[0]):
+            stores.append(torch.from_numpy(np.concatenate(self.images[s])))
+            self.images[s].clear()
+        actions, log_probs, rewards, terminated, truncated = map(np.stack, zip(*self.steps, strict=True))
+        return Rollout(
+            Frames(stores), np.stack(self.index), actions, log_probs, np.stack(self.terms), rewards,
+            terminated, truncated, np.stack(self.valid),
+            {name: np.stack(rows) for name, rows in self.records.items()},
+        )  # fmt: skip

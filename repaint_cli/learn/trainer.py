@@ -1,0 +1,236 @@
+"""The loop of algorithms 1 and 2; it yields what happened and knows no files, no screen and no clock but its own."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from time import perf_counter
+
+import numpy as np
+import torch
+
+from repaint_cli.config import TransferConfig
+from repaint_cli.errors import DivergedError
+from repaint_cli.learn import schedules
+from repaint_cli.learn.advantages import Samples, describe, to_samples
+from repaint_cli.learn.rollout import Policy, Rollout, collect, start
+from repaint_cli.learn.seeding import Purpose, generator
+from repaint_cli.learn.selection import (
+    Moments,
+    above_threshold,
+    moments,
+    rescale,
+    standardize,
+)
+from repaint_cli.learn.update import (
+    RowAdam,
+    learn_from_instances,
+    learn_on_policy,
+    masked_mean,
+)
+from repaint_cli.nets import ActorCritic
+from repaint_cli.tasks import TaskCard
+
+
+@dataclass
+class Learner:
+    """All that changes while S seeds learn; what a checkpoint holds."""
+
+    student: ActorCritic
+    """The policies and critics."""
+    optimizer: RowAdam
+    """Their optimiser."""
+    seeds: list[int]
+    """The run seeds, (S,)."""
+    iteration: int
+    """Finished iterations."""
+    env_steps: np.ndarray
+    """Steps taken for training, the teacher's among them, (S,)."""
+    last_moments: Moments
+    """Mean and standard deviation of Â in each student's last own batch, (S, 1) each."""
+    last_reward: torch.Tensor
+    """Mean reward of each student's last own batch, (S,)."""
+
+    @classmethod
+    def fresh(cls, student: ActorCritic, seeds: list[int], learning_rate: float) -> "Learner":
+        """Start with newly drawn parameters."""
+        n = len(seeds)
+        student.initialize([generator(seed, Purpose.INITIALIZE) for seed in seeds])
+        optimizer = RowAdam(student, learning_rate)
+        nothing = (torch.zeros(n, 1), torch.ones(n, 1))
+        return cls(student, optimizer, seeds, 0, np.zeros(n, int), nothing, torch.zeros(n))
+
+
+@dataclass(frozen=True)
+class IterationStats:
+    """What one iteration did, a number per seed."""
+
+    iteration: int
+    """k, from 1."""
+    phase: schedules.Phase
+    """What the iteration was."""
+    numbers: dict[str, np.ndarray]
+    """The vocabulary of metrics.csv, (S,) each."""
+
+
+def train(
+    task: TaskCard, learner: Learner, teacher: ActorCritic | None, transfer: TransferConfig
+) -> Iterator[IterationStats]:
+    """Train until the task's number of iterations, yielding after each (paper, algorithms 1 and 2).
+
+    Args:
+        task: the target task.
+        learner: where to start from; it is changed in place.
+        teacher: the teacher's policy, standing S times, or None.
+        transfer: what the teacher contributes; with β₀ = 0 and I = 0 it is clipped PPO.
+
+    Raises:
+        CardError: the task cannot be rolled out as its card says.
+        DivergedError: an observation, a reward, a loss or a weight is not finite.
+    """
+    task.check_rollout()
+    guide = None if teacher is None else soften(teacher, transfer)
+    for k in range(learner.iteration + 1, task.ppo.n_iterations + 1):
+        started = perf_counter()
+        phase = schedules.phase(k, transfer) if guide else "ppo"
+        before, numbers = learner.env_steps.copy(), {}
+        if phase == "instance" and guide:
+            kept, numbers = transfer_instances(task, learner, guide, k)
+            numbers |= learn_from_instances(
+                learner.student, learner.optimizer, kept, task.ppo, _shuffles(learner, k),
+                transfer.alpha_2,
+            )  # fmt: skip
+        else:
+            kept = None
+            if phase == "joint" and guide:
+                kept, numbers = transfer_instances(task, learner, guide, k)
+            numbers |= _learn_on_policy(task, learner, guide, transfer, k, kept)
+        _check_weights(learner, k)
+        learner.iteration = k
+        taken = learner.env_steps - before
+        seconds = perf_counter() - started
+        numbers |= {
+            "env_steps": learner.env_steps.copy(),
+            "steps_per_second": np.full(taken.shape, taken.sum() / seconds),
+        }
+        yield IterationStats(k, phase, numbers)
+
+
+def soften(teacher: ActorCritic, transfer: TransferConfig) -> Policy:
+    """Return the teacher with a spread, the same for sampling, log-probs and the cross-entropy.
+
+    A trained teacher is nearly deterministic: its samples would have likelihood ratios near 0 under any student, and
+    a clipped surrogate with A > 0 has no gradient there.
+    """
+    return lambda obs, counts: teacher.policy(obs, counts).soften(
+        transfer.teacher_min_std, transfer.teacher_temperature
+    )
+
+
+def transfer_instances(
+    task: TaskCard, learner: Learner, guide: Policy, k: int
+) -> tuple[Samples, dict[str, np.ndarray]]:
+    """Let the teacher act in the target task and keep what is worth learning from (paper, section 4.2).
+
+    Advantages are estimated under the target's reward with the student's critic, which is not trained here.
+
+    Returns:
+        The kept samples and what the selection looked like, (S,) per number.
+    """
+    purposes = (Purpose.TEACHER, Purpose.ACT_AS_TEACHER)
+    rollout = _collect(task, learner, guide, purposes, k, task.transfer.teacher_episodes)
+    samples = to_samples(rollout, learner.student.value, task.ppo.gamma, task.ppo.gae_lambda)
+    scaled = rescale(samples, task.select.scale, learner.last_moments)
+    chosen = above_threshold(scaled.advantages, task.select.threshold)
+    raw, counts = samples.keep(chosen), (chosen & samples.mask).sum(1)
+    nothing = counts == 0
+    numbers = {
+        "kept_fraction": counts / samples.counts,
+        "kept_advantage": masked_mean(raw.advantages, counts).where(~nothing, torch.nan),
+        "kept_reward": masked_mean(raw.rewards, counts).where(~nothing, torch.nan),
+        "student_reward": learner.last_reward,
+    }
+    return scaled.keep(chosen), {name: number.numpy() for name, number in numbers.items()}
+
+
+def _learn_on_policy(
+    task: TaskCard,
+    learner: Learner,
+    guide: Policy | None,
+    transfer: TransferConfig,
+    k: int,
+    kept: Samples | None,
+) -> dict[str, np.ndarray]:
+    """Let the student act and learn from it, with the cross-entropy where β_k > 0."""
+    student, ppo = learner.student, task.ppo
+    beta = schedules.kickstart_coef(k, transfer) if guide else 0.0
+    purposes = (Purpose.TRAIN, Purpose.ACT)
+    rollout = _collect(task, learner, student.policy, purposes, k, ppo.n_episodes)
+    if student.normalizer:
+        for seed, store in enumerate(rollout.frames.stores):
+            student.normalizer.update(seed, store)
+    samples = to_samples(rollout, student.value, ppo.gamma, ppo.gae_lambda)
+    if student.normalizer:  # new statistics make a new π_old: the first ratio is to be 1
+        log_probs = describe(student.policy, samples).log_prob(samples.actions)
+        samples = replace(samples, behavior_log_probs=log_probs)
+    explained = _explained_variance(samples)
+    learner.last_moments = moments(samples)
+    learner.last_reward = masked_mean(samples.rewards, samples.counts)
+    numbers = learn_on_policy(
+        student, learner.optimizer, standardize(samples, learner.last_moments), ppo,
+        _shuffles(learner, k), beta=beta, instances=kept,
+        teacher=describe(guide, samples) if guide and beta > 0 else None,
+        alpha_1=transfer.alpha_1 if k <= transfer.iterations else 1.0, alpha_2=transfer.alpha_2,
+    )  # fmt: skip
+    seeds, returns, lengths = rollout.episodes()
+    each = range(len(learner.seeds))
+    with np.errstate(invalid="ignore"):
+        return numbers | {
+            "kickstart_coef": np.full(len(each), beta),
+            "explained_variance": explained.numpy(),
+            "episode_return": np.array([_mean(returns[seeds == s]) for s in each]),
+            "episode_length": np.array([_mean(lengths[seeds == s]) for s in each]),
+        }
+
+
+def _collect(
+    task: TaskCard,
+    learner: Learner,
+    policy: Policy,
+    purposes: tuple[Purpose, Purpose],
+    k: int,
+    n_episodes: int | None,
+) -> Rollout:
+    """Roll a policy out in fresh environments, as many steps or episodes as the card says."""
+    n_steps = None if task.ppo.n_episodes else task.ppo.n_steps
+    n_envs = task.ppo.n_envs if n_steps else n_episodes or 1
+    env, obs = start(task, learner.seeds, n_envs, purposes[0], k, one_episode=n_steps is None)
+    rngs = [generator(seed, purposes[1], k) for seed in learner.seeds]
+    rollout = collect(env, obs, policy, rngs, n_steps=n_steps)
+    env.close()
+    learner.env_steps += rollout.valid.sum((0, 2))
+    return rollout
+
+
+def _shuffles(learner: Learner, k: int) -> list[np.random.Generator]:
+    return [generator(seed, Purpose.SHUFFLE, k) for seed in learner.seeds]
+
+
+def _explained_variance(samples: Samples) -> torch.Tensor:
+    """Return 1 − Var(R̂ − V) / Var(R̂), (S,): how much of the returns the critic knew beforehand."""
+    n = samples.counts
+    error = samples.advantages  # R̂ = Â + V, so R̂ − V = Â
+    spread = [masked_mean(x**2, n) - masked_mean(x, n) ** 2 for x in (error, samples.returns)]
+    return 1 - spread[0] / spread[1].clamp(min=1e-12)
+
+
+def _mean(numbers: np.ndarray) -> float:
+    return float(numbers.mean()) if len(numbers) else float("nan")
+
+
+def _check_weights(learner: Learner, k: int) -> None:
+    finite = torch.isfinite(learner.student.storage).all(1)
+    if not finite.all():
+        seed = learner.seeds[int((~finite).nonzero()[0])]
+        raise DivergedError(
+            f"expected finite weights, found some that are not after iteration {k} of seed {seed}; "
+            "a smaller ppo.learning_rate may help"
+        )

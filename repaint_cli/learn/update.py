@@ -1,0 +1,263 @@
+"""Gradient steps: epochs of minibatches over samples, for all seeds at once and for each as if alone."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from repaint_cli.config import PPOConfig
+from repaint_cli.distributions import Distribution
+from repaint_cli.errors import DivergedError
+from repaint_cli.learn.advantages import Samples
+from repaint_cli.learn.losses import approx_kl, clipped_surrogate, squared_error
+from repaint_cli.nets import ActorCritic
+
+
+class RowAdam:
+    """Adam over 2S rows, a policy and a critic per seed, each with its own count of steps.
+
+    A row that is left out of a step is frozen exactly: neither its weights nor its moments move. That one mechanism
+    serves "this seed has no minibatch left" and "teacher samples do not touch the critic".
+    """
+
+    def __init__(self, student: ActorCritic, learning_rate: float) -> None:
+        cut, n_seeds = student.n_policy, student.n_seeds
+        halves = [slice(None, cut)] * n_seeds + [slice(cut, None)] * n_seeds
+        seeds = [*range(n_seeds), *range(n_seeds)]
+        self.rows = [
+            torch.nn.Parameter(student.storage[s, half])
+            for s, half in zip(seeds, halves, strict=True)
+        ]
+        self._gradients = [student.gradients[s, h] for s, h in zip(seeds, halves, strict=True)]
+        self._adam = torch.optim.Adam(self.rows, learning_rate, eps=1e-5, fused=True)
+        self.learning_rate = learning_rate
+
+    def step(self, policies: Sequence[bool], critics: Sequence[bool], scale: float = 1.0) -> None:
+        """Move the named policies and critics, (S,) each, at `scale` times the learning rate."""
+        self._adam.param_groups[0]["lr"] = self.learning_rate * scale
+        moving = [*policies, *critics]
+        for row, gradient, moves in zip(self.rows, self._gradients, moving, strict=True):
+            row.grad = gradient if moves else None
+        self._adam.step()
+
+    def state(self) -> dict[str, Tensor]:
+        """Return moments and step counts by row number."""
+        states = self._adam.state_dict()["state"]
+        return {
+            f"{row}.{name}": value for row, parts in states.items() for name, value in parts.items()
+        }
+
+    def load(self, state: dict[str, Tensor]) -> None:
+        """Put moments and step counts in place."""
+        rows: dict[int, dict[str, Tensor]] = {}
+        for key, value in state.items():
+            row, _, name = key.partition(".")
+            rows.setdefault(int(row), {})[name] = value
+        self._adam.load_state_dict(self._adam.state_dict() | {"state": rows})
+
+
+class Means:
+    """Each seed's mean of named numbers over the gradient steps it took part in."""
+
+    def __init__(self) -> None:
+        self._sums: dict[str, Tensor] = {}
+        self._steps: dict[str, Tensor] = {}
+
+    def add(self, counts: Tensor, numbers: dict[str, Tensor]) -> None:
+        """Take numbers (S,) of the seeds whose count of samples is above 0."""
+        took_part = counts > 0
+        for name, number in numbers.items():
+            taken = torch.where(took_part, number.detach(), 0.0)
+            self._sums[name] = self._sums.get(name, 0) + taken
+            self._steps[name] = self._steps.get(name, 0) + took_part.float()
+
+    def numpy(self) -> dict[str, np.ndarray]:
+        """Return the means, (S,) each; nan for a seed that took no step."""
+        return {name: (total / self._steps[name]).numpy() for name, total in self._sums.items()}
+
+
+def shuffle(samples: Samples, rngs: Sequence[np.random.Generator]) -> Tensor:
+    """Return an order of each seed's samples, (S, B), drawn by its own generator; padding stays last."""
+    orders = [
+        torch.from_numpy(rng.permutation(n))
+        for rng, n in zip(rngs, samples.counts.tolist(), strict=True)
+    ]
+    return torch.nn.utils.rnn.pad_sequence(orders, batch_first=True)
+
+
+def part(order: Tensor, starts: Tensor, stops: Tensor) -> tuple[Tensor, Tensor]:
+    """Return the positions order[s, starts[s]:stops[s]], padded to (S, b), and their counts (S,)."""
+    counts = stops - starts
+    reach = starts.unsqueeze(1) + torch.arange(int(counts.max()))
+    return order.gather(1, reach.clamp(max=order.shape[1] - 1)), counts
+
+
+def masked_mean(numbers: Tensor, counts: Tensor) -> Tensor:
+    """Return each seed's mean over its first counts[s] numbers, (S, b) → (S,); 0 where it has none."""
+    mask = torch.arange(numbers.shape[1]) < counts.unsqueeze(1)
+    return (numbers * mask).sum(-1) / counts.clamp(min=1)
+
+
+def representation_loss(
+    student: ActorCritic, batch: Samples, teacher: Distribution | None, beta: float, ppo: PPOConfig
+) -> tuple[Tensor, dict[str, Tensor]]:
+    """Return −L_rep plus the critic's loss and PPO's entropy bonus, (S,), and what they were made of.
+
+        L_rep(θ) = L_clip(θ) − β_k·H(π_teacher‖π_θ)      (paper, equation 2)
+
+    Without a teacher, or with β = 0, it is clipped PPO.
+    """
+    obs, counts = batch.frames.take(batch.rows), batch.counts
+    policy = student.policy(obs, counts.tolist())
+    values = student.value(obs, counts.tolist())
+    log_probs = policy.log_prob(batch.actions)
+    surrogate = clipped_surrogate(
+        log_probs, batch.behavior_log_probs, batch.advantages, ppo.clip_range
+    )
+    numbers = {
+        "policy_loss": masked_mean(surrogate, counts),
+        "value_loss": masked_mean(squared_error(values, batch.returns), counts),
+        "entropy": masked_mean(policy.entropy().expand_as(log_probs), counts),
+    } | _ratio_numbers(log_probs, batch, ppo.clip_range)
+    loss = (
+        numbers["policy_loss"]
+        + ppo.vf_coef * numbers["value_loss"]
+        - ppo.ent_coef * numbers["entropy"]
+    )
+    if teacher is not None and beta > 0:
+        numbers["cross_entropy"] = masked_mean(teacher.cross_entropy(policy), counts)
+        loss = loss + beta * numbers["cross_entropy"]
+    return loss, numbers
+
+
+def instance_loss(
+    student: ActorCritic, batch: Samples, ppo: PPOConfig
+) -> tuple[Tensor, dict[str, Tensor]]:
+    """Return −L_ins, (S,): the clipped surrogate on teacher samples (paper, equation 3).
+
+    No cross-entropy, no entropy bonus, and no critic: its values are regressed on the student's own data only.
+    """
+    policy = student.policy(batch.frames.take(batch.rows), batch.counts.tolist())
+    log_probs = policy.log_prob(batch.actions)
+    surrogate = clipped_surrogate(
+        log_probs, batch.behavior_log_probs, batch.advantages, ppo.clip_range
+    )
+    loss = masked_mean(surrogate, batch.counts)
+    numbers = {"policy_loss": loss} | _ratio_numbers(log_probs, batch, ppo.clip_range)
+    log_ratio = masked_mean(log_probs - batch.behavior_log_probs, batch.counts)
+    return loss, numbers | {"log_ratio": log_ratio}
+
+
+def _ratio_numbers(log_probs: Tensor, batch: Samples, clip_range: float) -> dict[str, Tensor]:
+    with torch.no_grad():
+        outside = ((log_probs - batch.behavior_log_probs).exp() - 1).abs() > clip_range
+        return {
+            "approx_kl": masked_mean(approx_kl(log_probs, batch.behavior_log_probs), batch.counts),
+            "clip_fraction": masked_mean(outside.float(), batch.counts),
+        }
+
+
+def learn_on_policy(
+    student: ActorCritic,
+    optimizer: RowAdam,
+    samples: Samples,
+    ppo: PPOConfig,
+    rngs: Sequence[np.random.Generator],
+    *,
+    teacher: Distribution | None = None,
+    beta: float = 0.0,
+    alpha_1: float = 1.0,
+    instances: Samples | None = None,
+    alpha_2: float = 1.0,
+) -> dict[str, np.ndarray]:
+    """Train on the student's own samples: PPO, kickstarting, or both transfers jointly.
+
+    Args:
+        student: who learns.
+        optimizer: its optimiser.
+        samples: the student's, Â standardised.
+        ppo: epochs, minibatches and coefficients.
+        rngs: one generator per seed for the order of the samples.
+        teacher: the teacher's distributions at the samples, for the cross-entropy.
+        beta: β_k.
+        alpha_1: α₁; scales the learning rate, or in a joint update L_rep.
+        instances: selected teacher samples; every minibatch takes its share of them (paper, algorithm 1).
+        alpha_2: α₂, scales L_ins in a joint update.
+
+    Returns:
+        Each seed's mean losses and diagnostics, (S,) each.
+
+    Raises:
+        DivergedError: a loss is not finite.
+    """
+    means, size = Means(), ppo.minibatch_size
+    n_steps = -(-samples.counts // size)  # each seed's own ceil(n / 64)
+    for _ in range(ppo.n_epochs):
+        order = shuffle(samples, rngs)
+        extra = None if instances is None else shuffle(instances, rngs)
+        for j in range(int(n_steps.max())):
+            bounds = (samples.counts.clamp(max=size * j), samples.counts.clamp(max=size * (j + 1)))
+            positions, counts = part(order, *bounds)
+            batch = samples.pick(positions, counts)
+            target = None if teacher is None else teacher[_seats(positions)]
+            loss, numbers = representation_loss(student, batch, target, beta, ppo)
+            if instances is not None and extra is not None and extra.shape[1]:
+                done = torch.tensor([[j], [j + 1]]).minimum(n_steps) * instances.counts // n_steps
+                share = instances.pick(*part(extra, done[0], done[1]))
+                ins_loss, _ = instance_loss(student, share, ppo)
+                loss = alpha_1 * loss + alpha_2 * ins_loss
+            means.add(counts, numbers)
+            moving = (counts > 0).tolist()
+            scale = 1.0 if instances is not None else alpha_1
+            _step(student, optimizer, loss, moving, moving, scale)
+    return means.numpy()
+
+
+def learn_from_instances(
+    student: ActorCritic,
+    optimizer: RowAdam,
+    samples: Samples,
+    ppo: PPOConfig,
+    rngs: Sequence[np.random.Generator],
+    alpha_2: float = 1.0,
+) -> dict[str, np.ndarray]:
+    """Train the policy, and only the policy, on selected teacher samples (paper, algorithm 2, even k).
+
+    A seed that kept no samples takes no step. See `learn_on_policy` for the arguments.
+    """
+    means, size = Means(), ppo.minibatch_size
+    still = [False] * student.n_seeds
+    for _ in range(ppo.n_epochs):
+        order = shuffle(samples, rngs)
+        for start in range(0, order.shape[1], size):
+            bounds = (samples.counts.clamp(max=start), samples.counts.clamp(max=start + size))
+            positions, counts = part(order, *bounds)
+            loss, numbers = instance_loss(student, samples.pick(positions, counts), ppo)
+            means.add(counts, numbers)
+            _step(student, optimizer, loss, (counts > 0).tolist(), still, alpha_2)
+    return means.numpy()
+
+
+def _seats(positions: Tensor) -> tuple[Tensor, Tensor]:
+    return torch.arange(len(positions)).unsqueeze(1), positions
+
+
+def _step(
+    student: ActorCritic,
+    optimizer: RowAdam,
+    loss: Tensor,
+    policies: list[bool],
+    critics: list[bool],
+    scale: float,
+) -> None:
+    """Follow the gradient of the sum of all seeds' losses, (S,); seeds share no parameter."""
+    if not torch.isfinite(loss).all():
+        bad = int((~torch.isfinite(loss)).nonzero()[0])
+        raise DivergedError(
+            f"expected a finite loss, found {loss[bad].item()} for seed number {bad}; "
+            "a smaller ppo.learning_rate or rewards of a smaller scale may help"
+        )
+    student.gradients.zero_()
+    loss.sum().backward()
+    optimizer.step(policies, critics, scale)

@@ -1,0 +1,254 @@
+"""Policy and critic networks whose parameters carry a seed axis.
+
+S seeds train side by side and stay independent. All parameters lie in one buffer (S, P); each row is
+[everything π uses | everything only V uses], and every layer's weight is a view into it, as is its gradient into a
+second buffer. Freezing a seed's policy or critic is leaving its half row out of the optimiser's step.
+"""
+
+import warnings
+from collections.abc import Generator, Iterator, Sequence
+from dataclasses import dataclass
+from math import prod, sqrt
+from typing import Literal
+
+import gymnasium
+import numpy as np
+import torch
+import torch.nn.functional as F  # noqa: N812
+from torch import Tensor
+
+from repaint_cli.config import NetConfig
+from repaint_cli.distributions import Categorical, Distribution, Gaussian
+from repaint_cli.errors import CardError
+
+Tower = Literal["policy", "value"]
+
+# The gradients are views into one buffer on purpose: one fill zeroes them, one row is a seed's.
+warnings.filterwarnings("ignore", message="grad and param do not obey the gradient layout contract")
+
+
+@dataclass(frozen=True)
+class Spaces:
+    """What a policy reads and writes."""
+
+    obs_shape: tuple[int, ...]
+    """O: (features,) or an image (height, width, channels)."""
+    n_actions: int
+    """A: dimensions of a continuous action, or how many discrete ones."""
+    discrete: bool
+    """Whether actions are numbers 0…A−1."""
+
+    @classmethod
+    def of(cls, obs: gymnasium.Space, action: gymnasium.Space) -> "Spaces":  # type: ignore[type-arg]
+        """Read Gymnasium spaces.
+
+        Raises:
+            CardError: they are not a box of numbers and a box or discrete action.
+        """
+        shape = obs.shape
+        if isinstance(obs, gymnasium.spaces.Box) and shape is not None and len(shape) in (1, 3):
+            if isinstance(action, gymnasium.spaces.Discrete) and action.start == 0:
+                return cls(shape, int(action.n), True)
+            if isinstance(action, gymnasium.spaces.Box) and len(action.shape) == 1:
+                return cls(shape, action.shape[0], False)
+        raise CardError(
+            "expected observations in a vector or an image and actions in a vector or Discrete, "
+            f"found {obs} and {action}"
+        )
+
+    @property
+    def image(self) -> bool:
+        """Whether observations are images."""
+        return len(self.obs_shape) == 3
+
+    def __str__(self) -> str:
+        size = "×".join(str(n) for n in self.obs_shape)
+        kind = "discrete" if self.discrete else "continuous"
+        return f"{size} observations and {self.n_actions} {kind} actions"
+
+
+@dataclass(frozen=True)
+class Leaf:
+    """One parameter of the network, before it has a place."""
+
+    name: str
+    shape: tuple[int, ...]
+    gain: float
+    """Scale of the orthogonal initialisation; 0 is all zeros."""
+
+
+class ActorCritic:
+    """S policies and S critics of one shape.
+
+    Layers are orthogonal at the start (gain √2, the heads 0.01 and 1), biases and log σ are 0.
+    """
+
+    def __init__(self, spaces: Spaces, net: NetConfig, n_seeds: int) -> None:
+        if (net.kind == "cnn") != spaces.image:
+            wanted = "an image" if net.kind == "cnn" else "a vector"
+            raise CardError(f"net.kind '{net.kind}' reads {wanted}, the task gives {spaces}")
+        self.spaces, self.net, self.n_seeds = spaces, net, n_seeds
+        self._towers = {tower: list(_tower(tower, spaces, net)) for tower in ("policy", "value")}
+        self.leaves = self._towers["policy"] + self._towers["value"]
+        self.n_policy = sum(prod(leaf.shape) for leaf in self._towers["policy"])
+        total = sum(prod(leaf.shape) for leaf in self.leaves)
+        self.storage = torch.zeros(n_seeds, total)
+        self.gradients = torch.zeros(n_seeds, total)
+        self.weights = dict(self._views())
+        self.normalizer = None if spaces.image else Normalizer(n_seeds, spaces.obs_shape[0])
+
+    def _views(self) -> Iterator[tuple[str, Tensor]]:
+        start = 0
+        for leaf in self.leaves:
+            stop = start + prod(leaf.shape)
+            shape = (self.n_seeds, *leaf.shape)
+            weight = self.storage[:, start:stop].view(shape).detach().requires_grad_()
+            weight.grad = self.gradients[:, start:stop].view(shape)
+            yield leaf.name, weight
+            start = stop
+
+    def initialize(self, rngs: Sequence[np.random.Generator]) -> None:
+        """Draw every seed's first parameters from its own generator."""
+        for leaf in self.leaves:
+            for s, rng in enumerate(rngs):
+                if leaf.gain:
+                    drawn = torch.from_numpy(_orthogonal(rng, leaf.shape, leaf.gain))
+                    self.weights[leaf.name].data[s] = drawn
+
+    def policy(self, obs: Tensor, counts: Sequence[int] | None = None) -> Distribution:
+        """Return π(·|s) for raw observations (S, B, *O).
+
+        Args:
+            obs: observations; each seed's first `counts[s]` are real, the rest is padding.
+            counts: how many are real, (S,); all where absent. Images beyond are not looked at.
+        """
+        out = self._forward("policy", obs, counts)
+        if self.spaces.discrete:
+            return Categorical.from_logits(out)
+        return Gaussian(out, self.weights["policy.log_std"].unsqueeze(1))
+
+    def value(self, obs: Tensor, counts: Sequence[int] | None = None) -> Tensor:
+        """Return V(s), (S, B), for raw observations (S, B, *O); see `policy`."""
+        return self._forward("value", obs, counts).squeeze(-1)
+
+    def _forward(self, tower: Tower, obs: Tensor, counts: Sequence[int] | None) -> Tensor:
+        if self.normalizer is None:
+            return self._convolve(tower, obs, counts)
+        x = self.normalizer.normalize(obs)
+        for layer in range(len(self.net.hidden)):
+            x = torch.tanh(self._dense(x, f"{tower}.{layer}"))
+        return self._dense(x, f"{tower}.head")
+
+    def _dense(self, x: Tensor, name: str) -> Tensor:
+        weight, bias = self.weights[f"{name}.weight"], self.weights[f"{name}.bias"]
+        return torch.baddbmm(bias.unsqueeze(1), x, weight)
+
+    def _convolve(self, tower: Tower, obs: Tensor, counts: Sequence[int] | None) -> Tensor:
+        """Run the camera network seed by seed: grouped convolutions measured slower."""
+        outs = []
+        for s in range(self.n_seeds):
+            images = obs[s] if counts is None else obs[s, : counts[s]]
+            outs.append(F.pad(out := self._camera(tower, s, images), (0, 0, 0, obs.shape[1] - len(out))))
+        return torch.stack(outs)  # (S, B, heads)
+
+    def _camera(self, tower: Tower, s: int, images: Tensor) -> Tensor:
+        eyes = "policy" if self.net.shared else tower
+        x = images.permute(0, 3, 1, 2).to(torch.float32) / 255  # (B, channels, height, width)
+        x = F.avg_pool2d(x, self.net.pool) if self.net.pool > 1 else x
+        for layer, (_, _, stride) in enumerate(self.net.conv):
+            name = f"{eyes}.conv{layer}"
+            x = F.conv2d(x, self.weights[f"{name}.weight"][s], self.weights[f"{name}.bias"][s], stride)
+            x = torch.relu(x)
+        for name in (f"{tower}.dense", f"{tower}.head"):
+            x = torch.relu(x) if name.endswith("head") else x.flatten(1)
+            x = torch.addmm(self.weights[f"{name}.bias"][s], x, self.weights[f"{name}.weight"][s])
+        return x
+
+
+def _tower(tower: str, spaces: Spaces, net: NetConfig) -> Iterator[Leaf]:
+    """Name the parameters of a policy or a critic, in order."""
+    if spaces.image:
+        size = yield from _eyes(tower, spaces, net)
+        yield from _layer(f"{tower}.dense", size, net.dense, sqrt(2))
+        size = net.dense
+    else:
+        size = spaces.obs_shape[0]
+        for layer, width in enumerate(net.hidden):
+            yield from _layer(f"{tower}.{layer}", size, width, sqrt(2))
+            size = width
+    if tower == "value":
+        yield from _layer("value.head", size, 1, 1.0)
+    else:
+        yield from _layer("policy.head", size, spaces.n_actions, 0.01)
+        if not spaces.discrete:
+            yield Leaf("policy.log_std", (spaces.n_actions,), 0.0)
+
+
+def _eyes(tower: str, spaces: Spaces, net: NetConfig) -> Generator[Leaf, None, int]:
+    """Name the convolutions and return how many numbers they put out."""
+    height, width, channels = spaces.obs_shape
+    height, width = height // net.pool, width // net.pool
+    for layer, (filters, kernel, stride) in enumerate(net.conv):
+        if tower == "policy" or not net.shared:
+            yield Leaf(f"{tower}.conv{layer}.weight", (filters, channels, kernel, kernel), sqrt(2))
+            yield Leaf(f"{tower}.conv{layer}.bias", (filters,), 0.0)
+        height, width = (height - kernel) // stride + 1, (width - kernel) // stride + 1
+        channels = filters
+        if min(height, width) < 1:
+            raise CardError(
+                f"net.conv layer {layer} needs a larger image: {spaces} at net.pool {net.pool}"
+            )
+    return channels * height * width
+
+
+def _layer(name: str, n_in: int, n_out: int, gain: float) -> Iterator[Leaf]:
+    yield Leaf(f"{name}.weight", (n_in, n_out), gain)
+    yield Leaf(f"{name}.bias", (n_out,), 0.0)
+
+
+def _orthogonal(rng: np.random.Generator, shape: tuple[int, ...], gain: float) -> np.ndarray:
+    """Return a matrix with orthogonal rows or columns, times gain; convolutions count per filter."""
+    rows, columns = (shape[0], prod(shape[1:]))
+    drawn = rng.standard_normal((max(rows, columns), min(rows, columns)))
+    q, r = np.linalg.qr(drawn)
+    q = q * np.sign(np.diag(r))
+    return (gain * (q if rows >= columns else q.T)).reshape(shape).astype(np.float32)
+
+
+class Normalizer:
+    """Running mean and standard deviation of each seed's observations, part of the policy.
+
+    Observations leave it as clip((x − mean) / max(std, 0.1), ±5); before its first update unchanged but clipped.
+    """
+
+    def __init__(self, n_seeds: int, n_features: int) -> None:
+        self.mean = torch.zeros(n_seeds, n_features, dtype=torch.float64)
+        self.var = torch.ones(n_seeds, n_features, dtype=torch.float64)
+        self.count = torch.zeros(n_seeds, dtype=torch.float64)
+        self._refresh()
+
+    def _refresh(self) -> None:
+        self._shift = self.mean.float().unsqueeze(1)  # (S, 1, O)
+        self._scale = 1 / self.var.sqrt().clamp(min=0.1).float().unsqueeze(1)
+
+    def normalize(self, obs: Tensor) -> Tensor:
+        """Return normalised observations (S, B, O) float32."""
+        return ((obs - self._shift) * self._scale).clamp(-5, 5)
+
+    def update(self, seed: int, obs: Tensor) -> None:
+        """Take a seed's new observations (B, O) into its statistics (Chan et al. 1979)."""
+        x = obs.double()
+        n, m = self.count[seed], len(x)
+        delta = x.mean(0) - self.mean[seed]
+        spread = n * self.var[seed] + m * x.var(0, correction=0) + delta**2 * n * m / (n + m)
+        self.mean[seed] += delta * m / (n + m)
+        self.var[seed] = spread / (n + m)
+        self.count[seed] = n + m
+        self._refresh()
+
+    def load(self, state: dict[str, Tensor]) -> None:
+        """Put statistics `mean`, `var` (S, O) and `count` (S,) in place."""
+        self.mean.copy_(state["mean"])
+        self.var.copy_(state["var"])
+        self.count.copy_(state["count"])
+        self._refresh()

@@ -1,0 +1,307 @@
+"""A run: train, evaluate, record, checkpoint. Its folder is all that remains and all one needs."""
+
+import csv
+import io
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+import torch
+
+from repaint_cli import checkpoint, zoo
+from repaint_cli.config import METHODS, TransferConfig
+from repaint_cli.errors import CheckpointError, StoreError, TeacherMismatch
+from repaint_cli.evaluate import Episodes, evaluate
+from repaint_cli.files import sha256, write_text
+from repaint_cli.learn.seeding import Purpose
+from repaint_cli.learn.trainer import IterationStats, Learner, train
+from repaint_cli.nets import ActorCritic, Spaces
+from repaint_cli.report.statistics import mean_ci
+from repaint_cli.tasks import TaskCard
+
+COLUMNS = (
+    "iteration", "seed", "phase", "env_steps", "eval_return", "eval_return_std", "eval_length",
+    "eval_progress", "episode_return", "episode_length", "policy_loss", "value_loss", "entropy",
+    "approx_kl", "clip_fraction", "explained_variance", "kickstart_coef", "cross_entropy",
+    "kept_fraction", "kept_advantage", "kept_reward", "student_reward", "log_ratio",
+    "steps_per_second", "seconds",
+)  # fmt: skip
+"""Of metrics.csv, one row per iteration and seed."""
+
+SCORE_EPISODES = {"gymnasium": 100, "racer": 20}
+"""Episodes in a teacher's score, by simulator."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """All that is decided before a run starts."""
+
+    task: TaskCard
+    method: str
+    seeds: list[int]
+    folder: Path
+    teacher: Path | None = None
+    tensorboard: bool = False
+
+    @property
+    def transfer(self) -> TransferConfig:
+        """What the method leaves of the task's transfer settings."""
+        return METHODS[self.method].apply(self.task.transfer)
+
+
+@dataclass(frozen=True)
+class Report:
+    """An iteration and the evaluation after it."""
+
+    stats: IterationStats
+    evaluation: Episodes
+    seconds: float
+    """Since the run began."""
+
+    @property
+    def rows(self) -> list[dict[str, Any]]:
+        """The rows of metrics.csv but for the seed's name, one per seed."""
+        played, numbers = self.evaluation, self.stats.numbers
+        per_seed = numbers | {
+            "eval_return": played.returns.mean(1),
+            "eval_return_std": played.returns.std(1),
+            "eval_length": played.lengths.mean(1),
+        }
+        if played.progress is not None:
+            per_seed["eval_progress"] = played.progress.mean(1)
+        shared = {"iteration": self.stats.iteration, "phase": self.stats.phase}
+        n_seeds = len(played.returns)
+        return [
+            shared | {"seconds": self.seconds} | {name: n[s] for name, n in per_seed.items()}
+            for s in range(n_seeds)
+        ]
+
+    @property
+    def warning(self) -> str | None:
+        """What looks like negative transfer in this iteration."""
+        kept, own = self.stats.numbers.get("kept_reward"), self.stats.numbers.get("student_reward")
+        if kept is None or own is None or not (kept < own).any():
+            return None
+        return (
+            f"iteration {self.stats.iteration}: the kept teacher samples were paid less per step than "
+            f"the student itself ({np.nanmean(kept):.3g} < {own.mean():.3g}): negative transfer?"
+        )
+
+
+@dataclass(frozen=True)
+class Best:
+    """The best evaluated policy of a run so far."""
+
+    mean_return: float
+    seed_number: int
+    iteration: int
+    env_steps: int
+    leaves: dict[str, torch.Tensor]
+
+
+class Experiment:
+    """A run while it runs; `run` yields a report after every iteration."""
+
+    def __init__(self, plan: Plan) -> None:
+        """Make the student, load the teacher, and claim the folder.
+
+        Raises:
+            TeacherMismatch: the teacher does not fit the task.
+            CheckpointError: the teacher's file is damaged.
+            StoreError: the folder exists or cannot be made.
+        """
+        self.plan, task = plan, plan.task
+        spaces = spaces_of(task)
+        student = ActorCritic(spaces, task.net, len(plan.seeds))
+        self.learner = Learner.fresh(student, plan.seeds, task.ppo.learning_rate)
+        self.teacher: ActorCritic | None = None
+        self.teacher_card: zoo.TeacherCard | None = None
+        if plan.teacher and METHODS[plan.method].needs_teacher:
+            self._load_teacher(plan.teacher, spaces)
+        self.reports: list[Report] = []
+        self.best: Best | None = None
+        self._claim_folder()
+
+    def _load_teacher(self, path: Path, spaces: Spaces) -> None:
+        zoo.check_fits(zoo.read_card(path), self.plan.task, spaces)
+        self.teacher, self.teacher_card = zoo.load_teacher(path, len(self.plan.seeds))
+        if METHODS[self.plan.method].warm_start:
+            try:
+                leaves = checkpoint.policy_tensors(self.teacher)
+                checkpoint.load_policy(self.learner.student, leaves, "warm start")
+            except CheckpointError as error:
+                raise TeacherMismatch(f"a warm start needs equal networks: {error}") from error
+
+    def _claim_folder(self) -> None:
+        folder = self.plan.folder
+        try:
+            folder.mkdir(parents=True)
+        except FileExistsError as error:
+            raise StoreError(f"{folder} exists already; name another with --run") from error
+        except OSError as error:
+            raise StoreError(f"cannot make {folder}: {error.strerror}") from error
+        self._write_record("running")
+        write_text(folder / "metrics.csv", ",".join(COLUMNS) + "\n")
+
+    def run(self) -> Iterator[Report]:
+        """Train, evaluate, record and checkpoint, one iteration at a time.
+
+        Whenever this stops, also by Ctrl-C, the last finished iteration is on disk.
+        """
+        started, state = perf_counter(), "interrupted"
+        learner, task = self.learner, self.plan.task
+        transfer = self.plan.transfer
+        try:
+            for stats in train(task, learner, self.teacher, transfer):
+                k = stats.iteration
+                played = evaluate(
+                    learner.student, task, learner.seeds, task.eval.episodes, k
+                )
+                report = Report(stats, played, perf_counter() - started)
+                self._record(report)
+                yield report
+            state = "finished"
+        finally:
+            self._write_record(state, seconds=round(perf_counter() - started, 1))
+
+    def _record(self, report: Report) -> None:
+        self.reports.append(report)
+        folder = self.plan.folder
+        checkpoint.save_learner(
+            folder / "checkpoint.safetensors", self.learner, {"task": self.plan.task.name}
+        )
+        rows = [
+            row | {"seed": seed} for row, seed in zip(report.rows, self.plan.seeds, strict=True)
+        ]
+        append_csv(folder / "metrics.csv", rows)
+        means = report.evaluation.returns.mean(1)
+        s = int(means.argmax())
+        if self.best is None or means[s] > self.best.mean_return:
+            tensors = checkpoint.policy_tensors(self.learner.student, s)
+            leaves = {name: leaf.detach().clone() for name, leaf in tensors.items()}
+            steps = int(self.learner.env_steps[s])
+            self.best = Best(float(means[s]), s, report.stats.iteration, steps, leaves)
+
+    def _write_record(self, state: str, **more: Any) -> None:
+        plan = self.plan
+        teacher = None
+        if self.teacher_card and plan.teacher:
+            teacher = {"name": self.teacher_card.name, "sha256": sha256(plan.teacher)}
+        record = {
+            "schema_version": 1,
+            "state": state,
+            "method": plan.method,
+            "teacher": teacher,
+            "seeds": plan.seeds,
+            "task": plan.task.model_dump(mode="json"),
+            "transfer": plan.transfer.model_dump(mode="json"),
+            "versions": versions(),
+            "iterations": self.learner.iteration,
+        } | more
+        write_text(plan.folder / "run.json", json.dumps(record, indent=2) + "\n")
+
+    def policies(self) -> list[Path]:
+        """Write each seed's last policy as a teacher file of its own; return where they are."""
+        return [
+            zoo.add(self.learner.student, s, self._card(f"seed-{seed}", s), self.plan.folder)
+            for s, seed in enumerate(self.plan.seeds)
+        ]
+
+    def best_teacher(self, name: str, folder: Path) -> Path:
+        """Score the best evaluated policy on fresh seeds and write it as a teacher."""
+        best = self.best
+        if best is None:
+            raise StoreError("no iteration was finished, so there is no teacher to keep")
+        network = ActorCritic(self.learner.student.spaces, self.plan.task.net, 1)
+        checkpoint.load_policy(network, best.leaves, "best policy")
+        card = self._card(name, best.seed_number).model_copy(
+            update={
+                "iteration": best.iteration,
+                "env_steps": best.env_steps,
+                "score": score(network, self.plan.task, self.plan.seeds[best.seed_number]),
+            }
+        )
+        return zoo.add(network, 0, card, folder)
+
+    def _card(self, name: str, s: int) -> zoo.TeacherCard:
+        spaces = self.learner.student.spaces
+        return zoo.TeacherCard(
+            name=name,
+            task=self.plan.task,
+            obs_shape=spaces.obs_shape,
+            n_actions=spaces.n_actions,
+            discrete=spaces.discrete,
+            method=self.plan.method,
+            seed=self.plan.seeds[s],
+            iteration=self.learner.iteration,
+            env_steps=int(self.learner.env_steps[s]),
+            versions=versions(),
+            parent=sha256(self.plan.teacher) if self.plan.teacher else None,
+            created=datetime.now(UTC).isoformat(timespec="seconds"),
+        )
+
+
+def score(network: ActorCritic, task: TaskCard, seed: int) -> zoo.Score:
+    """Evaluate one policy on seeds that no training or evaluation has used."""
+    episodes = SCORE_EPISODES[task.env.simulator]
+    played = evaluate(network, task, [seed], episodes, purpose=Purpose.SCORE)
+    mean, low, high = mean_ci(played.returns[0])
+    laps = progress = None
+    if played.progress is not None:
+        progress, laps = float(played.progress.mean()), int((played.progress >= 100).sum())
+    return zoo.Score(
+        mean=mean, low=low, high=high, episodes=episodes, progress=progress, laps=laps
+    )
+
+
+def spaces_of(task: TaskCard) -> Spaces:
+    """Return what policies of a task read and write."""
+    env = task.make_env(1)
+    spaces = Spaces.of(env.single_observation_space, env.single_action_space)
+    env.close()
+    return spaces
+
+
+def append_csv(path: Path, rows: list[dict[str, Any]]) -> None:
+    """Add rows to metrics.csv; a column without a number stays empty.
+
+    Raises:
+        StoreError: the disk is full or the file cannot be written.
+    """
+    text = io.StringIO()
+    csv.DictWriter(text, COLUMNS, lineterminator="\n").writerows(
+        {name: _cell(value) for name, value in row.items()} for row in rows
+    )
+    try:
+        with path.open("a", encoding="utf-8") as file:
+            file.write(text.getvalue())
+    except OSError as error:
+        raise StoreError(f"cannot write {path}: {error.strerror}") from error
+
+
+def _cell(value: Any) -> Any:
+    if isinstance(value, float | np.floating):
+        return "" if np.isnan(value) else f"{value:.6g}"
+    return value
+
+
+def versions() -> dict[str, str]:
+    """Return the versions of what results depend on."""
+    found = {}
+    for name in ("repaint-rl", "torch", "gymnasium", "mujoco", "envpool", "numpy", "numba"):
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            continue
+    return found
+
+
+def stamp() -> str:
+    """Return the local time as a folder's name, to the second."""
+    return datetime.now().astimezone().strftime("%Y%m%d-%H%M%S")

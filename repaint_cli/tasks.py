@@ -1,0 +1,303 @@
+"""A task is a card: an environment, the weights w of its reward terms φ, and the numbers that differ.
+
+People write cards in TOML; the shipped ones lie in `tasks/`. A card may extend a shipped one and then says only what is
+new. Nothing here imports a simulator before it is needed, so that listing and comparing tasks is quick.
+"""
+
+import tomllib
+from collections.abc import Mapping
+from math import sqrt
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from pydantic import Field, ValidationError, field_validator
+
+from repaint_cli.config import (
+    EvalConfig,
+    NetConfig,
+    PPOConfig,
+    SelectConfig,
+    Settings,
+    TransferConfig,
+)
+from repaint_cli.errors import CardError, NotFound
+from repaint_cli.paths import shipped
+
+if TYPE_CHECKING:
+    from repaint_cli.envs.terms import RewardTerms
+
+
+class GymEnv(Settings):
+    """An environment of Gymnasium, by id."""
+
+    simulator: Literal["gymnasium"]
+    """Which simulator this is."""
+    id: str
+    """The environment's id, as in `gymnasium.make`."""
+    backend: Literal["auto", "envpool", "gymnasium"] = "auto"
+    """Who steps it: EnvPool where installed and checked to be equal, else Gymnasium."""
+    kwargs: dict[str, bool | int | float | str] = {}
+    """Arguments for the environment."""
+
+
+class RacerEnv(Settings):
+    """Our racing simulator: one car with a camera on a closed track."""
+
+    simulator: Literal["racer"]
+    """Which simulator this is."""
+    track: str = "reinvent-like"
+    """A shipped track, by name."""
+    car: Literal["sim4", "sim5", "ideal"] = "sim4"
+    """The car's dynamics: two fits to real logs, or a bicycle without lag."""
+    max_steps: int = Field(1500, gt=0)
+    """Time limit of an episode, in steps of 1/15 s."""
+
+
+class TaskCard(Settings):
+    """A task: environment, reward weights, and the numbers to train it with."""
+
+    name: str
+    """The card's file name without its suffix."""
+    summary: str
+    """One sentence for people."""
+    env: Annotated[GymEnv | RacerEnv, Field(discriminator="simulator")]
+    """The simulator and its settings."""
+    reward: dict[str, float]
+    """Weights w by the names of the terms φ, in multiples of the environment's own coefficients."""
+    net: NetConfig = NetConfig()
+    """The networks."""
+    ppo: PPOConfig = PPOConfig()
+    """Training."""
+    transfer: TransferConfig = TransferConfig()
+    """The teacher's part."""
+    select: SelectConfig = SelectConfig()
+    """Experience selection."""
+    eval: EvalConfig = EvalConfig()
+    """Evaluation."""
+
+    @field_validator("reward")
+    @classmethod
+    def _some_weight(cls, weights: dict[str, float]) -> dict[str, float]:
+        if not any(weights.values()):
+            raise ValueError("at least one weight must differ from 0")
+        return weights
+
+    @classmethod
+    def parse(cls, data: Mapping[str, Any], where: str) -> "TaskCard":
+        """Check a card's data.
+
+        Raises:
+            CardError: naming the first key that is unknown, absent or out of range.
+        """
+        try:
+            return cls.model_validate(data)
+        except ValidationError as error:
+            raise CardError(f"{where}: {_first_problem(error)}") from error
+
+    def with_settings(self, settings: list[str]) -> "TaskCard":
+        """Return the card with `section.key=value` settings applied; values are TOML, or bare words.
+
+        Raises:
+            CardError: a setting is malformed or out of range.
+            NotFound: there is no such section or key.
+        """
+        data = self.model_dump()
+        for setting in settings:
+            path, found, value = setting.partition("=")
+            if not found or path.count(".") != 1:
+                raise CardError(f"expected --set section.key=value, found '{setting}'")
+            section, key = path.split(".")
+            sections = [name for name, part in data.items() if isinstance(part, dict)]
+            where = "repaint tasks show " + self.name
+            if section not in sections:
+                raise NotFound.named("section", section, sections, where)
+            if section not in ("reward", "env") and key not in data[section]:
+                raise NotFound.named("setting", path, [f"{section}.{k}" for k in data[section]], where)
+            data[section][key] = _toml_value(value)
+        return TaskCard.parse(data, "--set " + " --set ".join(settings)) if settings else self
+
+    def make_env(
+        self, n_envs: int, *, one_episode: bool = False, noise: bool = False
+    ) -> "RewardTerms":
+        """Make N copies of the task's environment; its rewards are w·φ.
+
+        Args:
+            n_envs: N.
+            one_episode: whether environments may stop for good after their first episode.
+            noise: whether to add the paper's small evaluation noise, where the simulator knows it.
+
+        Raises:
+            CardError: the environment cannot be made.
+        """
+        from repaint_cli.envs.terms import RewardTerms
+
+        return RewardTerms(_make_env(self.env, n_envs, one_episode, noise), self.reward)
+
+
+    def start_options(
+        self, n_seeds: int, n_envs: int, iteration: int | None
+    ) -> dict[str, Any] | None:
+        """Return where S × N episodes start, for `reset`; None where the environment decides.
+
+        Racing episodes start 0.05 laps after one another, iteration after iteration, as DeepRacer's do; without an
+        iteration (evaluation) the N episodes are spread evenly over the lap.
+        """
+        if isinstance(self.env, GymEnv):
+            return None
+        spacing = 1 / n_envs if iteration is None else 0.05
+        first = 0 if iteration is None else (iteration - 1) * n_envs
+        return {"lap_fraction": [(first + n) * spacing % 1 for n in range(n_envs)] * n_seeds}
+
+    def check_rollout(self) -> None:
+        """Check that every environment of a rollout counted in steps finishes an episode.
+
+        Raises:
+            CardError: it would not, and with fresh environments each iteration none would ever end.
+        """
+        if self.ppo.n_episodes or not self.ppo.n_steps:
+            return
+        longest = self._longest_episode()
+        if longest and self.ppo.n_steps < self.ppo.n_envs * (longest + 1):
+            most = self.ppo.n_steps // (longest + 1)
+            raise CardError(
+                f"expected ppo.n_steps / ppo.n_envs of at least {longest + 1} (the longest episode + 1), found "
+                f"{self.ppo.n_steps} / {self.ppo.n_envs}; try --set ppo.n_envs={max(most, 1)}"
+            )
+
+    def _longest_episode(self) -> int | None:
+        if isinstance(self.env, RacerEnv):
+            return self.env.max_steps
+        import gymnasium
+
+        try:
+            spec = gymnasium.spec(self.env.id)
+        except gymnasium.error.Error as error:
+            raise CardError(f"gymnasium has no environment '{self.env.id}': {error}") from error
+        return spec.max_episode_steps
+
+
+def _make_env(env: GymEnv | RacerEnv, n_envs: int, one_episode: bool, noise: bool) -> Any:
+    if isinstance(env, GymEnv):
+        from repaint_cli.envs.gym import make_gym
+
+        return make_gym(env.id, n_envs, env.kwargs, env.backend)
+    from gymnasium.vector import AutoresetMode
+
+    from repaint_cli.envs.racer import Noise, RacerVectorEnv
+
+    mode = AutoresetMode.DISABLED if one_episode else AutoresetMode.NEXT_STEP
+    return RacerVectorEnv(
+        load_track(env.track),
+        n_envs,
+        car=env.car,
+        max_steps=env.max_steps,
+        noise=Noise() if noise else None,
+        autoreset_mode=mode,
+    )
+
+
+def load_track(name: str) -> Any:
+    """Read a shipped track.
+
+    Raises:
+        NotFound: there is no track of this name.
+    """
+    import numpy as np
+
+    from repaint_cli.envs.racer.track import Track
+
+    folder = shipped("tasks") / "racer" / "tracks"
+    known = sorted(path.stem for path in folder.glob("*.npy"))
+    if name not in known:
+        raise NotFound.named("track", name, known, "repaint tasks list")
+    return Track.from_waypoints(np.load(folder / f"{name}.npy"), name)
+
+
+def shipped_tasks() -> dict[str, Path]:
+    """Return the shipped cards by name, families together."""
+    return {path.stem: path for path in sorted(shipped("tasks").rglob("*.toml"))}
+
+
+def read_task(name: str) -> TaskCard:
+    """Read a shipped task by name, or a card of one's own by its path (`my-task.toml`).
+
+    Raises:
+        NotFound: there is no such task.
+        CardError: the card says something it may not.
+    """
+    path = Path(name)
+    if path.suffix == ".toml":
+        if not path.is_file():
+            raise NotFound(f"there is no card at '{name}'; to start one: repaint tasks copy reacher {name}")
+    else:
+        known = shipped_tasks()
+        if name not in known:
+            raise NotFound.named("task", name, known, "repaint tasks list")
+        path = known[name]
+    return TaskCard.parse({"name": path.stem} | _resolve(path), str(path))
+
+
+def _resolve(path: Path) -> dict[str, Any]:
+    """Read TOML and merge it over what it extends."""
+    try:
+        data = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise CardError(f"{path}: {error}") from error
+    base = data.pop("extends", None)
+    if base is None:
+        return data
+    known = shipped_tasks()
+    if base not in known or known[base] == path:
+        raise NotFound.named("task", str(base), known, "repaint tasks list")
+    return _merge(_resolve(known[base]), data)
+
+
+def _merge(base: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
+    both = {k: _merge(base[k], v) for k, v in over.items() if isinstance(v, dict) and k in base}
+    return base | over | both
+
+
+def _toml_value(text: str) -> Any:
+    try:
+        return tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError:
+        return text
+
+
+def _first_problem(error: ValidationError) -> str:
+    problem = error.errors()[0]
+    where = ".".join(str(part) for part in problem["loc"])
+    if problem["type"] == "extra_forbidden":
+        return f"unknown key '{where}'"
+    found = "" if problem["type"] == "missing" else f", found {problem['input']!r}"
+    return f"{where}: {problem['msg'].removeprefix('Value error, ')}{found}"
+
+
+def cosine(first: TaskCard, second: TaskCard) -> float | None:
+    """Return the similarity of two tasks, or None where their terms or environments differ.
+
+    sim(r₁, r₂) = w₁·w₂ / (‖w₁‖‖w₂‖)      (paper, equation 5)
+    """
+    w1, w2 = first.reward, second.reward
+    if _world(first) != _world(second) or set(w1) != set(w2):
+        return None
+    dot = sum(w1[name] * w2[name] for name in w1)
+    return dot / sqrt(sum(w * w for w in w1.values()) * sum(w * w for w in w2.values()))
+
+
+def relation(teacher: TaskCard, target: TaskCard) -> str:
+    """Return the paper's verdict on a teacher's task for a target task (section 5).
+
+    "similar" where the cosine is above 0, else "different"; and "sub-task" where the teacher's weight is 0 on a term
+    whose weight in the target is not. The last is directed: swap the two and it may vanish.
+    """
+    similarity = cosine(teacher, target)
+    if similarity is None:
+        return "not comparable"
+    part = any(weight == 0 and target.reward[name] != 0 for name, weight in teacher.reward.items())
+    return ("similar" if similarity > 0 else "different") + (", sub-task" if part else "")
+
+
+def _world(card: TaskCard) -> tuple[str, ...]:
+    env = card.env
+    return (env.simulator, env.id) if isinstance(env, GymEnv) else (env.simulator,)

@@ -1,0 +1,177 @@
+"""The zoo: teachers in a local folder, one file each; the card stands in the file's own header."""
+
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+from pydantic import ValidationError
+
+from repaint_cli.config import Settings
+from repaint_cli.errors import CheckpointError, NotFound, StoreError, TeacherMismatch
+from repaint_cli.files import read_header
+from repaint_cli.paths import shipped, user_zoo
+from repaint_cli.tasks import TaskCard
+
+if TYPE_CHECKING:
+    from repaint_cli.nets import ActorCritic, Spaces
+
+NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
+"""What a teacher may be called."""
+
+
+class Score(Settings):
+    """A deterministic evaluation on seeds that training never saw."""
+
+    mean: float
+    """Mean return."""
+    low: float
+    """Lower end of its 95 % bootstrap confidence interval over episodes."""
+    high: float
+    """Upper end."""
+    episodes: int
+    """How many episodes."""
+    progress: float | None = None
+    """Mean share of a lap, in %, on the track."""
+    laps: int | None = None
+    """Episodes that completed the lap."""
+
+
+class TeacherCard(Settings):
+    """What a teacher is and where it comes from."""
+
+    schema_version: Literal[1] = 1
+    """Version of this record."""
+    name: str
+    """What it is called."""
+    task: TaskCard
+    """The task it was trained on, whole."""
+    obs_shape: tuple[int, ...]
+    """O."""
+    n_actions: int
+    """A."""
+    discrete: bool
+    """Whether actions are numbers."""
+    method: str
+    """How it was trained."""
+    seed: int
+    """Its run seed."""
+    iteration: int
+    """After which iteration it was kept."""
+    env_steps: int
+    """Environment steps it had taken by then."""
+    score: Score | None = None
+    """How well it does its own task."""
+    versions: dict[str, str]
+    """Of the libraries it was made with."""
+    parent: str | None = None
+    """SHA-256 of its own teacher's file, if it had one."""
+    created: str
+    """When, UTC."""
+
+    @property
+    def spaces(self) -> "Spaces":
+        """What the policy reads and writes."""
+        from repaint_cli.nets import Spaces
+
+        return Spaces(self.obs_shape, self.n_actions, self.discrete)
+
+
+def teachers() -> dict[str, Path]:
+    """Return all teachers by name; the user's own come before shipped ones of the same name."""
+    found: dict[str, Path] = {}
+    for folder in (user_zoo(), shipped("zoo")):
+        for path in sorted(folder.glob("[!.]*.safetensors")):
+            found.setdefault(path.stem, path)
+    return found
+
+
+def find(name: str) -> Path:
+    """Return the file of a teacher, by its name or by its path.
+
+    Raises:
+        NotFound: there is none.
+    """
+    if name.endswith(".safetensors") and Path(name).is_file():
+        return Path(name)
+    known = teachers()
+    if name not in known:
+        raise NotFound.named("teacher", name, known, "repaint zoo list")
+    return known[name]
+
+
+def read_card(path: Path) -> TeacherCard:
+    """Read a teacher's card from its file.
+
+    Raises:
+        CheckpointError: the file is damaged, not ours, or its card says something it may not.
+    """
+    try:
+        return TeacherCard.model_validate(read_header(path))
+    except ValidationError as error:
+        problem = error.errors()[0]
+        where = ".".join(str(part) for part in problem["loc"])
+        raise CheckpointError(f"{path}: its card does not fit: {where}: {problem['msg']}") from error
+
+
+def load_teacher(path: Path, n_seeds: int = 1) -> "tuple[ActorCritic, TeacherCard]":
+    """Load a teacher's networks, standing `n_seeds` times side by side, and its card.
+
+    Raises:
+        CheckpointError: the file is damaged or does not hold what its card says.
+    """
+    from repaint_cli.checkpoint import load, load_policy
+    from repaint_cli.nets import ActorCritic
+
+    card = read_card(path)
+    tensors, _ = load(path)
+    network = ActorCritic(card.spaces, card.task.net, n_seeds)
+    load_policy(network, tensors, f"teacher '{card.name}'")
+    return network, card
+
+
+def add(network: "ActorCritic", seed_number: int, card: TeacherCard, folder: Path) -> Path:
+    """Write one seed's networks and their card as a teacher file; return where it is.
+
+    Raises:
+        StoreError: the name cannot be a file's, or the folder cannot be written.
+    """
+    from repaint_cli.checkpoint import policy_tensors, save
+
+    check_name(card.name)
+    path = folder / f"{card.name}.safetensors"
+    save(path, policy_tensors(network, seed_number), card.model_dump(mode="json"))
+    return path
+
+
+def check_name(name: str) -> None:
+    """Check that a teacher may be called so.
+
+    Raises:
+        StoreError: it may not.
+    """
+    if not NAME.fullmatch(name):
+        raise StoreError(
+            f"expected a teacher's name of 1 to 64 letters, digits, '.', '_' or '-', found {name!r}"
+        )
+
+
+def check_fits(card: TeacherCard, task: TaskCard, spaces: "Spaces") -> None:
+    """Check that a teacher can act in a task and be compared with it.
+
+    Raises:
+        TeacherMismatch: naming both sides and the teachers that fit.
+    """
+    problem = misfit(card, task, spaces)
+    if problem:
+        fit = [name for name, path in teachers().items() if not misfit(read_card(path), task, spaces)]
+        raise TeacherMismatch(f"{problem}; teachers that fit: {', '.join(fit) or 'none yet'}")
+
+
+def misfit(card: TeacherCard, task: TaskCard, spaces: "Spaces") -> str | None:
+    """Return why a teacher does not fit a task, or None."""
+    if card.spaces != spaces:
+        return f"teacher '{card.name}' has {card.spaces}, task '{task.name}' has {spaces}"
+    if set(card.task.reward) != set(task.reward):
+        theirs, ours = ", ".join(card.task.reward), ", ".join(task.reward)
+        return f"teacher '{card.name}' knows the reward terms {theirs}, task '{task.name}' has {ours}"
+    return None
