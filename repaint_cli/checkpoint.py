@@ -27,7 +27,8 @@ def load(path: Path) -> tuple[dict[str, Tensor], dict[str, Any]]:
     """Read all tensors and the header.
 
     Raises:
-        CheckpointError: the file is absent, damaged, not one of ours, or holds numbers that are not finite.
+        CheckpointError: the file is absent, damaged, not one of ours, or holds numbers that are not
+            finite.
     """
     with opened(path, "pt") as file:
         header = header_of(path, file)
@@ -39,7 +40,7 @@ def load(path: Path) -> tuple[dict[str, Tensor], dict[str, Any]]:
 
 
 def policy_tensors(student: ActorCritic, seed: int | None = None) -> dict[str, Tensor]:
-    """Return the leaves of one seed's policy, critic and normaliser, or of all with their seed axis."""
+    """Return the leaves of one seed's networks, or of all seeds with their axis."""
     leaves = dict(student.weights)
     if student.normalizer:
         names = ("mean", "var", "count")
@@ -76,8 +77,6 @@ def load_policy(student: ActorCritic, tensors: Mapping[str, Tensor], where: str)
 
 def _kind(tensor: Tensor, shape: torch.Size) -> str:
     return f"{tuple(shape)} {str(tensor.dtype).removeprefix('torch.')}"
-
-
 
 
 def save_learner(path: Path, learner: Learner, header: Mapping[str, Any]) -> None:
@@ -118,3 +117,14 @@ def load_learner(path: Path, learner: Learner) -> None:
 def _last(learner: Learner) -> dict[str, Tensor]:
     mean, std = learner.last_moments
     return {"mean": mean, "std": std, "reward": learner.last_reward}
+
+
+def load_networks(path: Path, network: ActorCritic) -> None:
+    """Put the policies and critics of a learner's checkpoint in place, and nothing else.
+
+    Raises:
+        CheckpointError: the file is damaged, or of another network.
+    """
+    tensors, _ = load(path)
+    leaves = {n.removeprefix("net/"): t for n, t in tensors.items() if n.startswith("net/")}
+    load_policy(network, leaves, str(path))

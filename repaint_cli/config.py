@@ -1,7 +1,7 @@
 """The numbers of an experiment: frozen, checked once, a sentence and a unit per field.
 
-A default here is the tested one; a task's card says only what differs. Names are the field's standard terms, the paper's
-symbol stands in each sentence.
+A default here is the tested one; a task's card says only what differs. Names are the field's
+standard terms, the paper's symbol stands in each sentence.
 """
 
 from dataclasses import dataclass
@@ -59,17 +59,17 @@ class TransferConfig(Settings):
     iterations: int = Field(15, ge=0)
     """K, the last iteration with a teacher ("Num. REPAINT iterations"); plain PPO afterwards."""
     representation: int = Field(1, ge=1)
-    """R of the ratio R:I, on-policy kickstarting iterations in a row; someone must train the critic."""
+    """R of the ratio R:I, on-policy iterations in a row; someone must train the critic."""
     instance: int = Field(1, ge=0)
     """I of the ratio R:I, off-policy instance-transfer iterations in a row; 0 is kickstarting."""
     joint: bool = False
-    """Whether both gradients meet in one update (algorithm 1) instead of alternating (algorithm 2)."""
+    """Whether both gradients meet in one update (algorithm 1) or alternate (algorithm 2)."""
     kickstart_coef: float = Field(0.2, ge=0)
     """β₀, weight of the cross-entropy to the teacher at the first iteration."""
     kickstart_decay: float = Field(0.95, gt=0, le=1)
     """β is multiplied by this after each iteration of either kind."""
     alpha_1: float = Field(1.0, gt=0)
-    """α₁, scale of the step on L_rep: of the learning rate when alternating, of the loss when joint."""
+    """α₁, scale of L_rep's step: of the learning rate when alternating, of the loss when joint."""
     alpha_2: float = Field(1.0, gt=0)
     """α₂, the same for L_ins."""
     teacher_min_std: float = Field(0.0, ge=0)
@@ -101,7 +101,7 @@ class NetConfig(Settings):
     dense: int = Field(512, gt=0)
     """Width of the ReLU layer between the convolutions and the head."""
     pool: int = Field(2, ge=1)
-    """Side of the squares of pixels averaged before the first convolution; 1 is the paper's size."""
+    """Side of the squares of pixels averaged before the convolutions; 1 is the paper's size."""
     shared: bool = False
     """Whether policy and critic share the convolutions."""
 

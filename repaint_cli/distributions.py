@@ -1,7 +1,7 @@
 """What a policy is at a state: a diagonal Gaussian or a categorical distribution over actions.
 
-Shapes: S seeds, B samples, A action size (Gaussian) or number of actions (categorical). Randomness comes in as
-`noise`, so that every seed owns its generator and a sample is a function.
+Shapes: S seeds, B samples, A action size (Gaussian) or number of actions (categorical). Randomness
+comes in as `noise`, so that every seed owns its generator and a sample is a function.
 """
 
 from dataclasses import dataclass
@@ -36,11 +36,12 @@ class Gaussian:
         """Return the differential entropy, (S, 1): it does not depend on the state."""
         return (self.log_std + 0.5 * log(2 * pi * np.e)).sum(-1)
 
-    def cross_entropy(self, other: "Gaussian") -> Tensor:
+    def cross_entropy(self, other: "Distribution") -> Tensor:
         """Return H(self‖other), (S, B), in closed form; self is the teacher T with μ = m, σ = τ.
 
         H(T‖π) = Σ_d [½·log(2πσ_d²) + (τ_d² + (m_d − μ_d)²) / (2σ_d²)]
         """
+        assert isinstance(other, Gaussian)
         spread = torch.exp(2 * self.log_std) + (self.mean - other.mean) ** 2  # (S, B, A)
         scaled = 0.5 * spread * torch.exp(-2 * other.log_std)
         return (other.log_std + 0.5 * log(2 * pi) + scaled).sum(-1)
@@ -93,8 +94,9 @@ class Categorical:
         """Return the entropy, (S, B)."""
         return self.cross_entropy(self)
 
-    def cross_entropy(self, other: "Categorical") -> Tensor:
+    def cross_entropy(self, other: "Distribution") -> Tensor:
         """Return H(self‖other) = −Σ_a T(a|s)·log π(a|s), (S, B); self is the teacher T."""
+        assert isinstance(other, Categorical)
         return -(torch.exp(self.log_probs) * other.log_probs).sum(-1)
 
     def sample(self, noise: Tensor) -> Tensor:

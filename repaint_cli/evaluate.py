@@ -1,6 +1,6 @@
 """Let a policy play, deterministically, and say how it went."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -35,6 +35,9 @@ class Episodes:
     targets: np.ndarray | None
     """Where the fingertip should go, (S, E, 2) in m."""
 
+    images: list[list[np.ndarray]] | None = None
+    """What the camera saw before each step, [S][E] of (T, H, W) uint8, where it was asked for."""
+
     @property
     def progress(self) -> np.ndarray | None:
         """The share of a lap driven when the episode ended, (S, E) in %; None off the track."""
@@ -49,7 +52,8 @@ class Episodes:
         if name not in self.records:
             return None
         ends = self.lengths[None] - 1
-        return np.take_along_axis(self.records[name], ends, axis=0)[0]
+        last: np.ndarray = np.take_along_axis(self.records[name], ends, axis=0)[0]
+        return last
 
 
 def evaluate(
@@ -59,12 +63,14 @@ def evaluate(
     n_episodes: int,
     iteration: int = 0,
     purpose: Purpose = Purpose.EVALUATE,
+    *,
+    keep_images: bool = False,
 ) -> Episodes:
     """Play E episodes with each seed's most likely actions.
 
-    The environments' seeds depend on the run seed, the purpose and the iteration, never on the method, so that methods
-    meet the same episodes. Racing cards add the paper's small noise and spread the starts over the lap: a
-    deterministic car from one start would be one episode E times.
+    The environments' seeds depend on the run seed, the purpose and the iteration, never on the
+    method, so that methods meet the same episodes. Racing cards add the paper's small noise and
+    spread the starts over the lap: a deterministic car from one start would be one episode E times.
 
     Args:
         policy: S policies.
@@ -73,6 +79,7 @@ def evaluate(
         n_episodes: E.
         iteration: after which iteration.
         purpose: EVALUATE during training, SCORE for a teacher's score.
+        keep_images: whether to return what the camera saw.
     """
     act = policy.policy if isinstance(policy, ActorCritic) else policy
     noise = task.eval.noise == "paper"
@@ -81,7 +88,8 @@ def evaluate(
     rngs = [generator(seed, purpose, iteration) for seed in seeds]
     rollout = collect(env, obs, act, rngs, greedy=True, record=record)
     env.close()
-    return _episodes(task, rollout, env_seeds(seeds, purpose, iteration, n_episodes))
+    played = _episodes(task, rollout, env_seeds(seeds, purpose, iteration, n_episodes))
+    return replace(played, images=_images(rollout)) if keep_images else played
 
 
 def _episodes(task: TaskCard, rollout: Rollout, seeds: list[int]) -> Episodes:
@@ -104,7 +112,7 @@ def _episodes(task: TaskCard, rollout: Rollout, seeds: list[int]) -> Episodes:
 def _paths(
     task: TaskCard, rollout: Rollout, records: dict[str, np.ndarray]
 ) -> tuple[np.ndarray | None, np.ndarray | None]:
-    """Return where things went, (S, E, T, 2), and where they should, (S, E, 2), if the task has such."""
+    """Return where things went, (S, E, T, 2), and where they should, (S, E, 2)."""
     if records:
         xy = np.stack([records["x"], records["y"]], -1)  # (T, S, E, 2)
         return np.moveaxis(xy, 0, 2), None
@@ -115,3 +123,14 @@ def _paths(
     target, gap = obs[..., 4:6], obs[..., 8:10]  # the gap is fingertip − target
     seen = np.concatenate([rollout.valid[:1], rollout.valid]).transpose(1, 0, 2)[..., None]
     return np.where(seen, target + gap, np.nan).transpose(0, 2, 1, 3), target[:, 0]
+
+
+def _images(rollout: Rollout) -> list[list[np.ndarray]]:
+    """Return the first channel of each episode's images, [S][E] of (T, H, W)."""
+    seen = []
+    for s, store in enumerate(rollout.frames.stores):
+        rows = [
+            rollout.index[:-1, s, e][rollout.valid[:, s, e]] for e in range(rollout.valid.shape[2])
+        ]
+        seen.append([store.numpy()[row, ..., 0] for row in rows])
+    return seen

@@ -1,4 +1,4 @@
-"""Files that are whole or not there: atomic writing, and the JSON header of a safetensors file without its tensors."""
+"""Files that are whole or not there, and a safetensors file's JSON header without its tensors."""
 
 import hashlib
 import json
@@ -27,7 +27,9 @@ def written_whole(path: Path) -> Iterator[Path]:
     temporary = path
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}-", suffix=path.suffix)
+        handle, name = tempfile.mkstemp(
+            dir=path.parent, prefix=f".{path.stem}-", suffix=path.suffix
+        )
         os.close(handle)
         temporary = Path(name)
         yield temporary

@@ -89,8 +89,9 @@ class Report:
         if kept is None or own is None or not (kept < own).any():
             return None
         return (
-            f"iteration {self.stats.iteration}: the kept teacher samples were paid less per step than "
-            f"the student itself ({np.nanmean(kept):.3g} < {own.mean():.3g}): negative transfer?"
+            f"iteration {self.stats.iteration}: the kept teacher samples were paid less per "
+            f"step than the student itself ({np.nanmean(kept):.3g} < {own.mean():.3g}): "
+            "negative transfer?"
         )
 
 
@@ -160,9 +161,7 @@ class Experiment:
         try:
             for stats in train(task, learner, self.teacher, transfer):
                 k = stats.iteration
-                played = evaluate(
-                    learner.student, task, learner.seeds, task.eval.episodes, k
-                )
+                played = evaluate(learner.student, task, learner.seeds, task.eval.episodes, k)
                 report = Report(stats, played, perf_counter() - started)
                 self._record(report)
                 yield report
@@ -255,9 +254,7 @@ def score(network: ActorCritic, task: TaskCard, seed: int) -> zoo.Score:
     laps = progress = None
     if played.progress is not None:
         progress, laps = float(played.progress.mean()), int((played.progress >= 100).sum())
-    return zoo.Score(
-        mean=mean, low=low, high=high, episodes=episodes, progress=progress, laps=laps
-    )
+    return zoo.Score(mean=mean, low=low, high=high, episodes=episodes, progress=progress, laps=laps)
 
 
 def spaces_of(task: TaskCard) -> Spaces:

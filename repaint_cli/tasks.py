@@ -1,7 +1,8 @@
-"""A task is a card: an environment, the weights w of its reward terms φ, and the numbers that differ.
+"""A task is a card: an environment, the weights w of its reward terms φ, what else differs.
 
-People write cards in TOML; the shipped ones lie in `tasks/`. A card may extend a shipped one and then says only what is
-new. Nothing here imports a simulator before it is needed, so that listing and comparing tasks is quick.
+People write cards in TOML; the shipped ones lie in `tasks/`. A card may extend a shipped one and
+then says only what is new. Nothing here imports a simulator before it is needed, so that listing
+and comparing tasks is quick.
 """
 
 import tomllib
@@ -36,7 +37,7 @@ class GymEnv(Settings):
     """The environment's id, as in `gymnasium.make`."""
     backend: Literal["auto", "envpool", "gymnasium"] = "auto"
     """Who steps it: EnvPool where installed and checked to be equal, else Gymnasium."""
-    kwargs: dict[str, bool | int | float | str] = {}
+    kwargs: dict[str, bool | int | float | str] = Field(default_factory=dict)
     """Arguments for the environment."""
 
 
@@ -95,7 +96,7 @@ class TaskCard(Settings):
             raise CardError(f"{where}: {_first_problem(error)}") from error
 
     def with_settings(self, settings: list[str]) -> "TaskCard":
-        """Return the card with `section.key=value` settings applied; values are TOML, or bare words.
+        """Return the card with `section.key=value` settings applied; values are TOML or words.
 
         Raises:
             CardError: a setting is malformed or out of range.
@@ -112,7 +113,9 @@ class TaskCard(Settings):
             if section not in sections:
                 raise NotFound.named("section", section, sections, where)
             if section not in ("reward", "env") and key not in data[section]:
-                raise NotFound.named("setting", path, [f"{section}.{k}" for k in data[section]], where)
+                raise NotFound.named(
+                    "setting", path, [f"{section}.{k}" for k in data[section]], where
+                )
             data[section][key] = _toml_value(value)
         return TaskCard.parse(data, "--set " + " --set ".join(settings)) if settings else self
 
@@ -133,14 +136,13 @@ class TaskCard(Settings):
 
         return RewardTerms(_make_env(self.env, n_envs, one_episode, noise), self.reward)
 
-
     def start_options(
         self, n_seeds: int, n_envs: int, iteration: int | None
     ) -> dict[str, Any] | None:
         """Return where S × N episodes start, for `reset`; None where the environment decides.
 
-        Racing episodes start 0.05 laps after one another, iteration after iteration, as DeepRacer's do; without an
-        iteration (evaluation) the N episodes are spread evenly over the lap.
+        Racing episodes start 0.05 laps after one another, iteration after iteration, as DeepRacer's
+        do; without an iteration (evaluation) the N episodes are spread evenly over the lap.
         """
         if isinstance(self.env, GymEnv):
             return None
@@ -160,8 +162,9 @@ class TaskCard(Settings):
         if longest and self.ppo.n_steps < self.ppo.n_envs * (longest + 1):
             most = self.ppo.n_steps // (longest + 1)
             raise CardError(
-                f"expected ppo.n_steps / ppo.n_envs of at least {longest + 1} (the longest episode + 1), found "
-                f"{self.ppo.n_steps} / {self.ppo.n_envs}; try --set ppo.n_envs={max(most, 1)}"
+                f"expected ppo.n_steps / ppo.n_envs of at least {longest + 1} (the longest "
+                f"episode + 1), found {self.ppo.n_steps} / {self.ppo.n_envs}; "
+                f"try --set ppo.n_envs={max(most, 1)}"
             )
 
     def _longest_episode(self) -> int | None:
@@ -228,7 +231,9 @@ def read_task(name: str) -> TaskCard:
     path = Path(name)
     if path.suffix == ".toml":
         if not path.is_file():
-            raise NotFound(f"there is no card at '{name}'; to start one: repaint tasks copy reacher {name}")
+            raise NotFound(
+                f"there is no card at '{name}'; start one: repaint tasks copy reacher {name}"
+            )
     else:
         known = shipped_tasks()
         if name not in known:
@@ -288,8 +293,9 @@ def cosine(first: TaskCard, second: TaskCard) -> float | None:
 def relation(teacher: TaskCard, target: TaskCard) -> str:
     """Return the paper's verdict on a teacher's task for a target task (section 5).
 
-    "similar" where the cosine is above 0, else "different"; and "sub-task" where the teacher's weight is 0 on a term
-    whose weight in the target is not. The last is directed: swap the two and it may vanish.
+    "similar" where the cosine is above 0, else "different"; and "sub-task" where the teacher's
+    weight is 0 on a term whose weight in the target is not. The last is directed: swap the two and
+    it may vanish.
     """
     similarity = cosine(teacher, target)
     if similarity is None:

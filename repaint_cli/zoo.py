@@ -110,7 +110,9 @@ def read_card(path: Path) -> TeacherCard:
     except ValidationError as error:
         problem = error.errors()[0]
         where = ".".join(str(part) for part in problem["loc"])
-        raise CheckpointError(f"{path}: its card does not fit: {where}: {problem['msg']}") from error
+        raise CheckpointError(
+            f"{path}: its card does not fit: {where}: {problem['msg']}"
+        ) from error
 
 
 def load_teacher(path: Path, n_seeds: int = 1) -> "tuple[ActorCritic, TeacherCard]":
@@ -163,7 +165,9 @@ def check_fits(card: TeacherCard, task: TaskCard, spaces: "Spaces") -> None:
     """
     problem = misfit(card, task, spaces)
     if problem:
-        fit = [name for name, path in teachers().items() if not misfit(read_card(path), task, spaces)]
+        fit = [
+            name for name, path in teachers().items() if not misfit(read_card(path), task, spaces)
+        ]
         raise TeacherMismatch(f"{problem}; teachers that fit: {', '.join(fit) or 'none yet'}")
 
 
@@ -173,5 +177,7 @@ def misfit(card: TeacherCard, task: TaskCard, spaces: "Spaces") -> str | None:
         return f"teacher '{card.name}' has {card.spaces}, task '{task.name}' has {spaces}"
     if set(card.task.reward) != set(task.reward):
         theirs, ours = ", ".join(card.task.reward), ", ".join(task.reward)
-        return f"teacher '{card.name}' knows the reward terms {theirs}, task '{task.name}' has {ours}"
+        return (
+            f"teacher '{card.name}' knows the reward terms {theirs}, task '{task.name}' has {ours}"
+        )
     return None

@@ -1,1 +1,1 @@
-"""Simulators behind Gymnasium's vector interface: numpy in, numpy out; no torch, no files, no printing."""
+"""Simulators behind Gymnasium's vector interface: numpy only; no torch, no files, no printing."""

@@ -1,7 +1,8 @@
-"""Any Gymnasium environment by its id, on EnvPool where that was checked to be the same environment.
+"""Any Gymnasium environment by its id, on EnvPool where that was checked to be the same.
 
-Both sides follow next-step autoreset: the step that ends an episode returns the true last observation, the following
-step ignores its action and returns the first observation of the next episode. SI units are the environment's own.
+Both sides follow next-step autoreset: the step that ends an episode returns the true last
+observation, the following step ignores its action and returns the first observation of the next
+episode. SI units are the environment's own.
 """
 
 import os
@@ -52,7 +53,7 @@ def make_gym(
 class EnvPoolVector(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
     """EnvPool behind Gymnasium's interface: seeds are given to `reset`, which makes the pool."""
 
-    metadata = {"autoreset_mode": AutoresetMode.NEXT_STEP}
+    metadata: dict[str, Any] = {"autoreset_mode": AutoresetMode.NEXT_STEP}  # noqa: RUF012
 
     def __init__(self, env_id: str, n_envs: int) -> None:
         self.env_id, self.num_envs = env_id, n_envs
@@ -77,7 +78,7 @@ class EnvPoolVector(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
             num_threads=threads,
         )
 
-    def reset(  # type: ignore[override]
+    def reset(
         self, *, seed: int | list[int] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[np.ndarray, dict[str, Any]]:
         """Start every environment afresh, environment i from seed[i] (or seed + i)."""

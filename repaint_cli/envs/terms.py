@@ -12,8 +12,8 @@ from repaint_cli.errors import CardError
 class RewardTerms(VectorWrapper):
     """Replace an environment's reward by w·φ, with φ read from its `info`.
 
-    Every step's info gains `reward_terms`, (N, F) float64 in the order of the weights. Steps that only reset an
-    environment have φ = 0.
+    Every step's info gains `reward_terms`, (N, F) float64 in the order of the weights. Steps that
+    only reset an environment have φ = 0.
     """
 
     def __init__(self, env: "VectorEnv[Any, Any, Any]", weights: Mapping[str, float]) -> None:

@@ -77,10 +77,11 @@ def gae(
     """Return generalised advantage estimates (Schulman et al. 2016, eq. 16), backwards in time.
 
         δₜ = rₜ + γ·(1 − terminatedₜ)·V(sₜ₊₁) − V(sₜ)
-        Âₜ = δₜ + γλ·(1 − endₜ)·Âₜ₊₁             end = terminated, truncated, or the last of the rollout
+        Âₜ = δₜ + γλ·(1 − endₜ)·Âₜ₊₁             end = terminated, truncated, or the last of the
+        rollout
 
-    `next_values` holds V of the state that truly followed, also where the environment was reset, so neither truncation
-    nor the end of the rollout is a special case. Every array is (T, …).
+    `next_values` holds V of the state that truly followed, also where the environment was reset, so
+    neither truncation nor the end of the rollout is a special case. Every array is (T, …).
     """
     deltas = rewards + gamma * np.where(terminations, 0.0, next_values) - values
     advantages, carry = np.empty_like(deltas), np.zeros_like(deltas[0])
@@ -90,9 +91,7 @@ def gae(
     return advantages
 
 
-def to_samples(
-    rollout: Rollout, value: Value, gamma: float, gae_lambda: float
-) -> Samples:
+def to_samples(rollout: Rollout, value: Value, gamma: float, gae_lambda: float) -> Samples:
     """Estimate advantages with the student's critic and lay the valid steps out as samples.
 
     Args:
@@ -130,8 +129,10 @@ def _values(rollout: Rollout, value: Value) -> np.ndarray:
     """Return V of every stored observation where it stands in the rollout, (T+1, S, N) float64."""
     sizes = torch.tensor([len(store) for store in rollout.frames.stores])
     rows = torch.minimum(torch.arange(int(sizes.max())).repeat(len(sizes), 1), sizes[:, None] - 1)
-    known = torch.cat(list(_passes(value, rollout.frames, rows, sizes)), 1).double().numpy()
-    return np.stack([known[s][rollout.index[:, s]] for s in range(len(sizes))], axis=1)
+    known: np.ndarray = torch.cat(list(_passes(value, rollout.frames, rows, sizes)), 1).numpy()
+    placed = [known[s][rollout.index[:, s]] for s in range(len(sizes))]
+    values: np.ndarray = np.stack(placed, 1).astype(np.float64)
+    return values
 
 
 def describe(policy: Policy, samples: Samples) -> Distribution:

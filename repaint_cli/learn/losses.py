@@ -1,4 +1,4 @@
-"""Formulae only: tensors in, one number per sample out; the caller takes each seed's mean. Lower is better."""
+"""Formulae only: tensors in, a number per sample out; the caller takes each seed's mean."""
 
 import torch
 from torch import Tensor
@@ -11,8 +11,9 @@ def clipped_surrogate(
 
         L(θ) = −min(ρA, clip(ρ, 1−ε, 1+ε)·A),   ρ = π_θ(a|s) / μ(a|s)
 
-    μ is whoever acted. With μ = π_old this is L_clip (paper, equation 1); with μ = π_teacher and only samples of high
-    advantage it is L_ins, the instance-transfer loss of REPAINT (paper, equation 3).
+    μ is whoever acted. With μ = π_old this is L_clip (paper, equation 1); with μ = π_teacher and
+    only samples of high advantage it is L_ins, the instance-transfer loss of REPAINT (paper,
+    equation 3).
 
     Args:
         log_probs: log π_θ(a|s) under the policy being trained, (S, B).

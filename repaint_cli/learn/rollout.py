@@ -1,4 +1,4 @@
-"""Drive S × N environments with a policy and remember everything: who acted, what was paid, how it ended."""
+"""Drive S × N environments with a policy and remember who acted, what was paid, how it ended."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -16,7 +16,7 @@ from repaint_cli.learn.seeding import Purpose, env_seeds
 from repaint_cli.tasks import TaskCard
 
 Policy = Callable[[Tensor, Sequence[int]], Distribution]
-"""Maps observations (S, B, *O), of which the first counts[s] are real, to distributions over actions."""
+"""Maps observations (S, B, *O), the first counts[s] of them real, to distributions."""
 
 
 class Frames:
@@ -40,7 +40,7 @@ class Frames:
 
 @dataclass(frozen=True)
 class Rollout:
-    """What happened, step by step. Invalid entries (resets, finished episodes) are not to be read."""
+    """What happened, step by step. Invalid entries (resets, ended episodes) are not to be read."""
 
     frames: Frames
     """The observations."""
@@ -87,9 +87,10 @@ def start(
     one_episode: bool = False,
     noise: bool = False,
 ) -> tuple[RewardTerms, np.ndarray]:
-    """Make and reset S × N fresh environments with seeds of their own; return their first observations.
+    """Make and reset S × N environments with seeds of their own; return the first observations.
 
-    Evaluation starts are spread over the task's starts; training starts go on where the last iteration's ended.
+    Evaluation starts are spread over the task's starts; training starts go on where the last
+    iteration's ended.
     """
     env = task.make_env(len(seeds) * n_envs, one_episode=one_episode, noise=noise)
     spread = purpose in (Purpose.EVALUATE, Purpose.SCORE)
@@ -139,7 +140,9 @@ def collect(
         with torch.no_grad():
             actions, log_probs = _act(policy, obs, valid, noise, greedy)
         obs, rewards, terminated, truncated, info = env.step(_to_env(actions, env))
-        rewards, terminated, truncated = (x.reshape(shape) for x in (rewards, terminated, truncated))
+        rewards, terminated, truncated = (
+            x.reshape(shape) for x in (rewards, terminated, truncated)
+        )
         _check_finite(rewards[..., None], valid, "reward", len(tape.valid))
         tape.act(valid, actions, log_probs, rewards, terminated, truncated, info)
         taken += valid.sum(1)
@@ -241,7 +244,9 @@ class _Tape:
         for s in range(self.shape[0]):
             stores.append(torch.from_numpy(np.concatenate(self.images[s])))
             self.images[s].clear()
-        actions, log_probs, rewards, terminated, truncated = map(np.stack, zip(*self.steps, strict=True))
+        actions, log_probs, rewards, terminated, truncated = map(
+            np.stack, zip(*self.steps, strict=True)
+        )
         return Rollout(
             Frames(stores), np.stack(self.index), actions, log_probs, np.stack(self.terms), rewards,
             terminated, truncated, np.stack(self.valid),

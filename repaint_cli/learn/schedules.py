@@ -16,10 +16,10 @@ def kickstart_coef(k: int, transfer: TransferConfig) -> float:
 
 
 def phase(k: int, transfer: TransferConfig) -> Phase:
-    """Return what iteration k does: R representation iterations, then I instance iterations, and again.
+    """Return what iteration k does: R representation, then I instance iterations, and again.
 
-    1:1 is algorithm 2, whose odd iterations are representation transfer; after K iterations only PPO remains, "to
-    mitigate the bias" of selection (paper, section 4.4).
+    1:1 is algorithm 2, whose odd iterations are representation transfer; after K iterations only
+    PPO remains, "to mitigate the bias" of selection (paper, section 4.4).
     """
     if k > transfer.iterations:
         return "ppo"

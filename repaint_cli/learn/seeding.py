@@ -1,7 +1,8 @@
 """Where randomness comes from: a run's seed, a purpose and an iteration name every generator.
 
-Neighbouring integer seeds share streams in most simulators (environment 1 of seed 3 is environment 0 of seed 4), so they
-are never handed out. And as no generator outlives its iteration, a resumed run draws what the undisturbed one drew.
+Neighbouring integer seeds share streams in most simulators (environment 1 of seed 3 is environment
+0 of seed 4), so they are never handed out. And as no generator outlives its iteration, a resumed
+run draws what the undisturbed one drew.
 """
 
 from enum import IntEnum

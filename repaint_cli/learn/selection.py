@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 
-import torch
 from torch import Tensor
 
 from repaint_cli.learn.advantages import Samples
@@ -30,9 +29,10 @@ def rescale(samples: Samples, scale: str, student: Moments) -> Samples:
 
     Args:
         samples: of the teacher, Â′ raw: under the target's reward with the student's critic.
-        scale: "teacher-batch" standardises Â′ within the batch, so a fixed share of any teacher passes; "student-batch"
-            with the moments of the student's own last batch, so that a teacher is judged against the student and the
-            critic's bias cancels; "none" leaves Â′ raw, as the paper's text reads.
+        scale: "teacher-batch" standardises Â′ within the batch, so a fixed share of any teacher
+            passes; "student-batch" with the moments of the student's own last batch, so that a
+            teacher is judged against the student and the critic's bias cancels; "none" leaves Â′
+            raw, as the paper's text reads.
         student: moments of the student's last on-policy batch.
     """
     if scale == "none":
@@ -43,4 +43,3 @@ def rescale(samples: Samples, scale: str, student: Moments) -> Samples:
 def above_threshold(advantages: Tensor, threshold: float) -> Tensor:
     """Return where Â′ ≥ ζ, (S, B) bool: algorithms 1 and 2 remove the transitions with Â′ < ζ."""
     return advantages >= threshold
-

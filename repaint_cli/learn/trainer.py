@@ -1,4 +1,4 @@
-"""The loop of algorithms 1 and 2; it yields what happened and knows no files, no screen and no clock but its own."""
+"""The loop of algorithms 1 and 2; it yields what happened and knows no files and no screen."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -91,18 +91,19 @@ def train(
     for k in range(learner.iteration + 1, task.ppo.n_iterations + 1):
         started = perf_counter()
         phase = schedules.phase(k, transfer) if guide else "ppo"
-        before, numbers = learner.env_steps.copy(), {}
+        before = learner.env_steps.copy()
+        numbers: dict[str, np.ndarray]
         if phase == "instance" and guide:
-            kept, numbers = transfer_instances(task, learner, guide, k)
-            numbers |= learn_from_instances(
+            kept, seen = transfer_instances(task, learner, guide, k)
+            numbers = seen | learn_from_instances(
                 learner.student, learner.optimizer, kept, task.ppo, _shuffles(learner, k),
                 transfer.alpha_2,
             )  # fmt: skip
+        elif phase == "joint" and guide:
+            kept, seen = transfer_instances(task, learner, guide, k)
+            numbers = seen | _learn_on_policy(task, learner, guide, transfer, k, kept)
         else:
-            kept = None
-            if phase == "joint" and guide:
-                kept, numbers = transfer_instances(task, learner, guide, k)
-            numbers |= _learn_on_policy(task, learner, guide, transfer, k, kept)
+            numbers = _learn_on_policy(task, learner, guide, transfer, k)
         _check_weights(learner, k)
         learner.iteration = k
         taken = learner.env_steps - before
@@ -117,8 +118,8 @@ def train(
 def soften(teacher: ActorCritic, transfer: TransferConfig) -> Policy:
     """Return the teacher with a spread, the same for sampling, log-probs and the cross-entropy.
 
-    A trained teacher is nearly deterministic: its samples would have likelihood ratios near 0 under any student, and
-    a clipped surrogate with A > 0 has no gradient there.
+    A trained teacher is nearly deterministic: its samples would have likelihood ratios near 0 under
+    any student, and a clipped surrogate with A > 0 has no gradient there.
     """
     return lambda obs, counts: teacher.policy(obs, counts).soften(
         transfer.teacher_min_std, transfer.teacher_temperature
@@ -128,9 +129,10 @@ def soften(teacher: ActorCritic, transfer: TransferConfig) -> Policy:
 def transfer_instances(
     task: TaskCard, learner: Learner, guide: Policy, k: int
 ) -> tuple[Samples, dict[str, np.ndarray]]:
-    """Let the teacher act in the target task and keep what is worth learning from (paper, section 4.2).
+    """Let the teacher act in the target task; keep what is worth learning from (section 4.2).
 
-    Advantages are estimated under the target's reward with the student's critic, which is not trained here.
+    Advantages are estimated under the target's reward with the student's critic, which is not
+    trained here.
 
     Returns:
         The kept samples and what the selection looked like, (S,) per number.
@@ -157,7 +159,7 @@ def _learn_on_policy(
     guide: Policy | None,
     transfer: TransferConfig,
     k: int,
-    kept: Samples | None,
+    kept: Samples | None = None,
 ) -> dict[str, np.ndarray]:
     """Let the student act and learn from it, with the cross-entropy where β_k > 0."""
     student, ppo = learner.student, task.ppo

@@ -1,4 +1,4 @@
-"""Gradient steps: epochs of minibatches over samples, for all seeds at once and for each as if alone."""
+"""Gradient steps: epochs of minibatches, for all seeds at once and for each as if alone."""
 
 from collections.abc import Sequence
 
@@ -17,8 +17,9 @@ from repaint_cli.nets import ActorCritic
 class RowAdam:
     """Adam over 2S rows, a policy and a critic per seed, each with its own count of steps.
 
-    A row that is left out of a step is frozen exactly: neither its weights nor its moments move. That one mechanism
-    serves "this seed has no minibatch left" and "teacher samples do not touch the critic".
+    A row that is left out of a step is frozen exactly: neither its weights nor its moments move.
+    That one mechanism serves "this seed has no minibatch left" and "teacher samples do not touch
+    the critic".
     """
 
     def __init__(self, student: ActorCritic, learning_rate: float) -> None:
@@ -78,7 +79,7 @@ class Means:
 
 
 def shuffle(samples: Samples, rngs: Sequence[np.random.Generator]) -> Tensor:
-    """Return an order of each seed's samples, (S, B), drawn by its own generator; padding stays last."""
+    """Return an order of each seed's samples, (S, B), by its own generator; padding is last."""
     orders = [
         torch.from_numpy(rng.permutation(n))
         for rng, n in zip(rngs, samples.counts.tolist(), strict=True)
@@ -87,14 +88,14 @@ def shuffle(samples: Samples, rngs: Sequence[np.random.Generator]) -> Tensor:
 
 
 def part(order: Tensor, starts: Tensor, stops: Tensor) -> tuple[Tensor, Tensor]:
-    """Return the positions order[s, starts[s]:stops[s]], padded to (S, b), and their counts (S,)."""
+    """Return positions order[s, starts[s]:stops[s]], padded to (S, b), and their counts."""
     counts = stops - starts
     reach = starts.unsqueeze(1) + torch.arange(int(counts.max()))
     return order.gather(1, reach.clamp(max=order.shape[1] - 1)), counts
 
 
 def masked_mean(numbers: Tensor, counts: Tensor) -> Tensor:
-    """Return each seed's mean over its first counts[s] numbers, (S, b) → (S,); 0 where it has none."""
+    """Return each seed's mean over its first counts[s] numbers, (S, b) → (S,); 0 of none."""
     mask = torch.arange(numbers.shape[1]) < counts.unsqueeze(1)
     return (numbers * mask).sum(-1) / counts.clamp(min=1)
 
@@ -102,7 +103,7 @@ def masked_mean(numbers: Tensor, counts: Tensor) -> Tensor:
 def representation_loss(
     student: ActorCritic, batch: Samples, teacher: Distribution | None, beta: float, ppo: PPOConfig
 ) -> tuple[Tensor, dict[str, Tensor]]:
-    """Return −L_rep plus the critic's loss and PPO's entropy bonus, (S,), and what they were made of.
+    """Return −L_rep with the critic's loss and PPO's entropy bonus, (S,), and their parts.
 
         L_rep(θ) = L_clip(θ) − β_k·H(π_teacher‖π_θ)      (paper, equation 2)
 
@@ -136,7 +137,8 @@ def instance_loss(
 ) -> tuple[Tensor, dict[str, Tensor]]:
     """Return −L_ins, (S,): the clipped surrogate on teacher samples (paper, equation 3).
 
-    No cross-entropy, no entropy bonus, and no critic: its values are regressed on the student's own data only.
+    No cross-entropy, no entropy bonus, and no critic: its values are regressed on the student's own
+    data only.
     """
     policy = student.policy(batch.frames.take(batch.rows), batch.counts.tolist())
     log_probs = policy.log_prob(batch.actions)
@@ -182,7 +184,8 @@ def learn_on_policy(
         teacher: the teacher's distributions at the samples, for the cross-entropy.
         beta: β_k.
         alpha_1: α₁; scales the learning rate, or in a joint update L_rep.
-        instances: selected teacher samples; every minibatch takes its share of them (paper, algorithm 1).
+        instances: selected teacher samples; every minibatch takes its share of them (paper,
+            algorithm 1).
         alpha_2: α₂, scales L_ins in a joint update.
 
     Returns:
@@ -222,7 +225,7 @@ def learn_from_instances(
     rngs: Sequence[np.random.Generator],
     alpha_2: float = 1.0,
 ) -> dict[str, np.ndarray]:
-    """Train the policy, and only the policy, on selected teacher samples (paper, algorithm 2, even k).
+    """Train the policy, and only it, on selected teacher samples (algorithm 2, even k).
 
     A seed that kept no samples takes no step. See `learn_on_policy` for the arguments.
     """
@@ -259,5 +262,5 @@ def _step(
             "a smaller ppo.learning_rate or rewards of a smaller scale may help"
         )
     student.gradients.zero_()
-    loss.sum().backward()
+    torch.autograd.backward(loss.sum())
     optimizer.step(policies, critics, scale)

@@ -45,7 +45,7 @@ def plot_curves(
     """
     curves = {label: _seeds(values) for label, values in returns.items()}
     figure = look.new_figure(WIDTH, HEIGHT * (1.75 if progress else 1))
-    figure.suptitle(title, size=look.TITLE_SIZE, weight="bold", color=look.INK)
+    look.headline(figure, title)
     figure.supxlabel(_note(curves), size=look.NOTE_SIZE, color="#555555")
     panels = figure.subplots(2 if progress else 1, 1, squeeze=False, sharex=True)[:, 0]
     _panel(panels[0], curves, ylabel, transfer_iterations)
@@ -93,7 +93,9 @@ def _panel(
         axes.axvspan(0.5, transfer_iterations + 0.5, color="#f3f0e6", linewidth=0, zorder=0)
     for label, seeds in curves.items():
         _curve(axes, seeds, colours[label], label)
-    longest = max((seeds.shape[1] for seeds in curves.values()), default=1)
+    if not any(len(seeds) for seeds in curves.values()):
+        axes.set_yticks([])
+    longest = max([1, *(seeds.shape[1] for seeds in curves.values())])
     axes.set_xlim(0.5, longest + 0.5)
     axes.xaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1, steps=[1, 2, 5, 10]))
     axes.set_ylabel(ylabel, size=look.TEXT_SIZE)

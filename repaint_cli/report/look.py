@@ -3,10 +3,7 @@
 Figures are `matplotlib.figure.Figure` on the Agg canvas; pyplot and its global state stay out.
 """
 
-import os
-import secrets
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterable
 from itertools import cycle
 from pathlib import Path
 
@@ -15,7 +12,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import Colormap, LinearSegmentedColormap, to_hex, to_rgb
 from matplotlib.figure import Figure
 
-from repaint_cli.errors import StoreError
+from repaint_cli.files import written_whole
 
 INK, FAINT = "#222222", "#8c8c8c"
 TITLE_SIZE, TEXT_SIZE, NOTE_SIZE = 12, 10, 8.5
@@ -63,6 +60,11 @@ def new_figure(width: float, height: float) -> Figure:
     return figure
 
 
+def headline(figure: Figure, title: str) -> None:
+    """Write the figure's title, on more lines if it is longer than the figure is wide."""
+    figure.suptitle(title, size=TITLE_SIZE, weight="bold", color=INK, wrap=True)
+
+
 def tidy(axes: Axes) -> None:
     """Leave only what helps to read the axes: two thin spines and small ticks."""
     axes.spines[["top", "right"]].set_visible(False)
@@ -86,24 +88,10 @@ def note(
 
 
 def save(figure: Figure, path: Path) -> None:
-    """Write a figure as a PNG in one step; the same figure always gives the same bytes."""
-    with replacing(path) as scratch:
-        figure.savefig(scratch, format="png", dpi=DPI, metadata={"Software": None})
-
-
-@contextmanager
-def replacing(path: Path) -> Iterator[Path]:
-    """Yield a path beside `path` to write to, then put it in the place of `path`, whole or not.
+    """Write a figure as a PNG in one step; the same figure always gives the same bytes.
 
     Raises:
         StoreError: the file cannot be written; what was there before is still there.
     """
-    scratch = path.with_name(f".{path.stem}-{secrets.token_hex(4)}{path.suffix}")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        yield scratch
-        os.replace(scratch, path)
-    except OSError as error:
-        raise StoreError(f"cannot write {path}: {error.strerror or error}") from error
-    finally:
-        scratch.unlink(missing_ok=True)
+    with written_whole(path) as scratch:
+        figure.savefig(scratch, format="png", dpi=DPI, metadata={"Software": None})

@@ -5,6 +5,7 @@ The map is drawn once; a frame adds a piece of trail and a car to it. Metres, ra
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields
+from io import BytesIO
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -86,8 +87,8 @@ def racer_frames(
         side = board.copy()
         _draw_numbers(side, drive, t, float(returns[t]))
         frame = np.empty((HEIGHT, MAP_WIDTH + SIDE_WIDTH, 3), np.uint8)
-        frame[:, :MAP_WIDTH] = view.reduce(FINE)
-        frame[:, MAP_WIDTH:] = side
+        frame[:, :MAP_WIDTH] = np.asarray(view.reduce(FINE))
+        frame[:, MAP_WIDTH:] = np.asarray(side)
         yield frame
 
 
@@ -96,7 +97,7 @@ def _map(
 ) -> tuple[Image.Image, ToPixels]:
     """Draw what does not move, and return it with the way from metres to its pixels."""
     figure = Figure((MAP_WIDTH / 100, HEIGHT / 100), dpi=100 * FINE, facecolor="white")
-    canvas = FigureCanvasAgg(figure)
+    FigureCanvasAgg(figure)
     figure.text(0.5, 0.955, title, ha="center", va="center", weight="bold", color=look.INK)
     axes = figure.add_axes((0.02, 0.14, 0.96, 0.77))
     axes.set_axis_off()
@@ -110,14 +111,15 @@ def _map(
     )
     bar.set_label("speed [m/s]", size=look.NOTE_SIZE, labelpad=1)
     bar.ax.tick_params(labelsize=look.NOTE_SIZE, length=2, pad=1)
-    canvas.draw()
+    picture = BytesIO()
+    figure.savefig(picture, dpi=100 * FINE)
     matrix = axes.transData.get_affine().get_matrix()
 
     def to_pixels(xy: Floats) -> Floats:
         upward = xy @ matrix[:2, :2].T + matrix[:2, 2]
         return np.asarray(upward * [1, -1] + [0, HEIGHT * FINE])
 
-    return Image.fromarray(np.asarray(canvas.buffer_rgba())[:, :, :3].copy()), to_pixels
+    return Image.open(picture).convert("RGB"), to_pixels
 
 
 def _ruler(figure: Figure, axes: Axes) -> None:
@@ -142,7 +144,7 @@ def _draw_car(view: Image.Image, body: Floats) -> None:
     *corners, nose = [tuple(point) for point in body]
     pen = ImageDraw.Draw(view)
     pen.polygon(corners, CAR_COLOUR)
-    pen.line([*corners, corners[0]], "white", width=FINE)
+    pen.line([*corners, corners[0]], look.INK, width=FINE)
     pen.circle(nose, 2 * FINE, "white")
 
 
@@ -161,7 +163,7 @@ def _draw_numbers(side: Image.Image, drive: Drive, t: int, total: float) -> None
     pen = ImageDraw.Draw(side)
     numbers = (
         f"{drive.speed[t]:.2f} m/s",
-        f"{np.rad2deg(drive.steering[t]):+.0f}°",
+        f"{round(float(np.rad2deg(drive.steering[t]))):+d}°",
         f"{drive.progress[t]:.1f} %",
         f"{drive.reward[t]:+.2f}",
     )

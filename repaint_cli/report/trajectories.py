@@ -25,31 +25,13 @@ from repaint_cli.report.statistics import Floats
 MAX_COLUMNS = 3
 REACH = 0.21
 """Length of Reacher's stretched arm, m."""
+EDGE = np.array([0.235, 0.235])
 
-START: dict[str, Any] = {
-    "marker": "o",
-    "color": "white",
-    "markeredgecolor": look.INK,
-    "markersize": 4.5,
-}
-EXIT: dict[str, Any] = {
-    "marker": "X",
-    "color": "#D55E00",
-    "markeredgecolor": "white",
-    "markersize": 8,
-}
-TARGET: dict[str, Any] = {
-    "marker": "*",
-    "color": "#009E73",
-    "markeredgecolor": "white",
-    "markersize": 12,
-}
-TIP: dict[str, Any] = {
-    "marker": "o",
-    "color": look.INK,
-    "markeredgecolor": "none",
-    "markersize": 3.6,
-}
+Sign = dict[str, Any]
+START: Sign = {"marker": "o", "color": "w", "markeredgecolor": look.INK, "markersize": 4.5}
+EXIT: Sign = {"marker": "X", "color": "#D55E00", "markeredgecolor": "w", "markersize": 8}
+TARGET: Sign = {"marker": "*", "color": "#009E73", "markeredgecolor": "w", "markersize": 12}
+TIP: Sign = {"marker": "o", "color": look.INK, "markeredgecolor": "none", "markersize": 3.6}
 
 
 @dataclass(frozen=True)
@@ -96,14 +78,16 @@ def plot_racer(
     Raises:
         StoreError: the file cannot be written.
     """
-    width, height = np.ptp(outer, axis=0)
+    points = np.concatenate([outer, *(paths.xy.reshape(-1, 2) for paths in panels)])
+    low, high = np.nanmin(points, axis=0) - 0.2, np.nanmax(points, axis=0) + 0.2
+    width, height = high - low
     figure, grid = _grid(len(panels), float(np.clip(height / width, 0.4, 1.4)), title)
     scale, extend = _speed_scale(panels)
     for axes, paths in zip(grid, panels, strict=True):
         draw_road(axes, inner, outer, centre)
-        _frame(axes, paths.label, 0.03 * float(max(width, height)))
         _coloured_paths(axes, paths.xy, paths.speed, scale)
         _starts_and_exits(axes, paths)
+        _frame(axes, paths.label, low, high)
     if any(paths.speed is not None for paths in panels):
         _colour_bar(figure, grid, scale, "speed [m/s]", extend)
     _legend(figure, [*lane_patches(), _sign("start", START), _sign("left the track", EXIT)])
@@ -129,10 +113,8 @@ def plot_reacher(panels: Sequence[Paths], path: Path, title: str) -> None:
         steps = np.broadcast_to(np.arange(paths.xy.shape[1], dtype=np.float64), paths.xy.shape[:2])
         _coloured_paths(axes, paths.xy, steps, scale)
         _targets(axes, paths)
-        _frame(axes, paths.label, 0.01)
-        axes.set(
-            xlim=(-0.235, 0.235), ylim=(-0.235, 0.235), xticks=[-0.2, 0, 0.2], yticks=[-0.2, 0, 0.2]
-        )
+        _frame(axes, paths.label, -EDGE, EDGE)
+        axes.set(xticks=[-0.2, 0, 0.2], yticks=[-0.2, 0, 0.2])
     _colour_bar(figure, grid, scale, "time [steps]", "neither")
     miss = Line2D([], [], color=look.INK, linewidth=0.8, linestyle=":", label="missed by")
     reach = Line2D([], [], color=look.FAINT, linewidth=0.8, label="reach of the arm")
@@ -146,7 +128,7 @@ def _grid(n_panels: int, aspect: float, title: str) -> tuple[Figure, list[Axes]]
     rows = max(1, -(-n_panels // columns))
     side = {1: 5.6, 2: 4.3}.get(columns, 3.6)
     figure = look.new_figure(columns * side + 1.2, rows * (side * aspect + 0.35) + 1.1)
-    figure.suptitle(title, size=look.TITLE_SIZE, weight="bold", color=look.INK)
+    look.headline(figure, title)
     places = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True).ravel()
     for empty in places[n_panels:]:
         empty.set_visible(False)
@@ -157,15 +139,13 @@ def _grid(n_panels: int, aspect: float, title: str) -> tuple[Figure, list[Axes]]
     return figure, list(places[:n_panels])
 
 
-def _frame(axes: Axes, label: str, margin: float) -> None:
-    """Name a panel and leave `margin` metres around what is drawn, equal on both axes."""
+def _frame(axes: Axes, label: str, low: Floats, high: Floats) -> None:
+    """Name a panel and show what lies between two corners (2,), m, at the same scale both ways."""
     look.tidy(axes)
     axes.set_title(label, size=look.TEXT_SIZE - 0.5, color=look.INK)
     axes.set_aspect("equal", adjustable="box")
-    axes.margins(0)
-    box = axes.dataLim
-    axes.set_xlim(box.x0 - margin, box.x1 + margin)
-    axes.set_ylim(box.y0 - margin, box.y1 + margin)
+    axes.set_xlim(low[0], high[0])
+    axes.set_ylim(low[1], high[1])
 
 
 def _speed_scale(panels: Sequence[Paths]) -> tuple[Normalize, str]:
@@ -209,11 +189,8 @@ def _starts_and_exits(axes: Axes, paths: Paths) -> None:
         _mark(axes, _ends(paths.xy)[np.asarray(paths.ended_off, dtype=bool)], EXIT)
 
 
-def _mark(axes: Axes, points: Floats, sign: dict[str, Any]) -> None:
-    """Draw signs that the panel's edge does not cut and that do not change its extent."""
-    (marks,) = axes.plot(*points.T, linestyle="none", zorder=5, scalex=False, scaley=False, **sign)
-    marks.set_clip_on(False)
-    marks.set_in_layout(False)
+def _mark(axes: Axes, points: Floats, sign: Sign) -> None:
+    axes.plot(*points.T, linestyle="none", zorder=5, **sign)
 
 
 def _targets(axes: Axes, paths: Paths) -> None:
@@ -250,5 +227,5 @@ def _legend(figure: Figure, signs: Sequence[Artist]) -> None:
     )
 
 
-def _sign(name: str, sign: dict[str, Any]) -> Line2D:
+def _sign(name: str, sign: Sign) -> Line2D:
     return Line2D([], [], linestyle="none", label=name, **sign)

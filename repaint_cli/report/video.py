@@ -4,18 +4,19 @@ from collections.abc import Generator, Iterable
 from functools import cache
 from pathlib import Path
 
-import imageio_ffmpeg
+import imageio_ffmpeg  # type: ignore[import-untyped]
 import matplotlib
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-from repaint_cli.report.look import INK, replacing
+from repaint_cli.files import written_whole
+from repaint_cli.report.look import INK
 
 Frame = NDArray[np.uint8]
 """One picture, (H, W, 3)."""
 
-CAPTION_HEIGHT = 36
+CAPTION_HEIGHT = 56
 
 
 def write_video(frames: Iterable[Frame], path: Path, fps: float) -> None:
@@ -34,7 +35,7 @@ def write_video(frames: Iterable[Frame], path: Path, fps: float) -> None:
     first = next(rest, None)
     if first is None:
         raise ValueError("a video needs at least one frame")
-    with replacing(path) as scratch:
+    with written_whole(path) as scratch:
         encoder = _encoder(scratch, _even(first).shape, fps)
         try:
             encoder.send(_even(first))
@@ -72,14 +73,17 @@ def _even(frame: Frame) -> Frame:
     return np.ascontiguousarray(padded, dtype=np.uint8)
 
 
-def caption(frame: Frame, left: str, right: str) -> Frame:
-    """Return the frame with a white strip beneath that says two things, (H + 36, W, 3)."""
+def caption(frame: Frame, title: str, status: str) -> Frame:
+    """Return the frame with a white strip beneath that says two things, (H + 56, W, 3)."""
     height, width, _ = frame.shape
     picture = Image.new("RGB", (width, height + CAPTION_HEIGHT), "white")
     picture.paste(Image.fromarray(frame), (0, 0))
-    pen, middle = ImageDraw.Draw(picture), height + CAPTION_HEIGHT // 2
-    pen.text((10, middle), left, INK, font(15), anchor="lm")
-    pen.text((width - 10, middle), right, INK, font(15), anchor="rm")
+    pen = ImageDraw.Draw(picture)
+    for text, row, weight in ((title, 17, "-Bold"), (status, 40, "")):
+        letters = font(15, weight)
+        while letters.getlength(text) > width - 20 and letters.size > 8:
+            letters = font(int(letters.size) - 1, weight)
+        pen.text((width / 2, height + row), text, INK, letters, anchor="mm")
     return np.asarray(picture)
 
 

@@ -29,17 +29,18 @@ WALLS = np.array([24, 36, 48, 60], dtype=np.uint8)
 """Grey levels at least x, greatest x, least y, greatest y; unequal, to tell directions."""
 WALLS.flags.writeable = False
 
-AHEAD, SIDE, LEVEL, SKYWARD = range(4)
+AHEAD, SIDE, LEVEL, SIZE, SKYWARD = range(5)
 """Columns of `row_table`."""
 
 
 def row_table() -> NDArray[np.float64]:
-    """Tabulate what each row of pixels looks at, (120, 4).
+    """Tabulate what each row of pixels looks at, (120, 5).
 
     Returns:
         AHEAD: the row's line in the car's frame, x ahead of the base, m;
         SIDE: how far apart its pixels lie on that line, m (the first is farthest left);
         LEVEL: which copy of the ground has texels of that size;
+        SIZE: the edge of its texels, m;
         SKYWARD: 1 for rows above the horizon, which look at the plane of the walls' tops.
     """
     down = (np.arange(HEIGHT) + 0.5 - HEIGHT / 2) / FOCAL  # (120,)
@@ -49,7 +50,7 @@ def row_table() -> NDArray[np.float64]:
     side = reach / FOCAL
     level = np.clip(np.floor(np.log2(side / TEXEL)), 0, LEVELS - 1)
     ahead = CAMERA_X + reach * (np.cos(PITCH) - down * np.sin(PITCH))
-    return np.stack([ahead, side, level, skyward], axis=1)
+    return np.stack([ahead, side, level, TEXEL * 2**level, skyward], axis=1)
 
 
 @kernel
@@ -80,15 +81,20 @@ def _ground_span(
     line: np.ndarray, first: int, end: int, u: float, v: float, du: float, dv: float, level: Any
 ) -> None:
     """Fill pixels first..end of a line by bilinear look-ups at texel (u + k·du, v + k·dv)."""
+    # unsigned: numba need not look for negative indices
     one, half = np.uint32(1), np.float32(0.5)
+    u0, v0, du0, dv0 = np.float32(u), np.float32(v), np.float32(du), np.float32(dv)
     for k in range(first, end):
-        uk, vk = np.float32(u + k * du), np.float32(v + k * dv)
-        c, r = np.uint32(uk), np.uint32(vk)  # unsigned: numba need not look for negative indices
+        uk, vk = u0 + np.float32(k) * du0, v0 + np.float32(k) * dv0
+        c, r = (
+            np.uint32(np.int32(uk)),
+            np.uint32(np.int32(vk)),
+        )
         fu, fv = uk - np.float32(c), vk - np.float32(r)
         a, b = np.float32(level[r, c]), np.float32(level[r, c + one])
         low = a + fu * (b - a)
         a, b = np.float32(level[r + one, c]), np.float32(level[r + one, c + one])
-        line[k] = np.uint8(low + fv * (a + fu * (b - a) - low) + half)
+        line[k] = np.uint8(np.int32(low + fv * (a + fu * (b - a) - low) + half))
 
 
 @kernel
@@ -105,7 +111,7 @@ def render(
 
     Args:
         state: the car's x, y (m) and heading (rad) first, (5,).
-        table: `row_table()`, (120, 4).
+        table: `row_table()`, (120, 5).
         levels: `Ground.levels`.
         origin: `Ground.origin`, (2,), m.
         field: `Ground.field`, (4,), m.
@@ -131,10 +137,9 @@ def render(
         if table[row, SKYWARD] > 0.0:
             line[first:end] = SKY
             continue
-        number = int(table[row, LEVEL])
-        size = TEXEL * 2**number
+        size = table[row, SIZE]
         u, v = (x - origin[0]) / size - 0.5, (y - origin[1]) / size - 0.5
-        _ground_span(line, first, end, u, v, dx / size, dy / size, levels[number])
+        _ground_span(line, first, end, u, v, dx / size, dy / size, levels[int(table[row, LEVEL])])
 
 
 @kernel

@@ -10,7 +10,6 @@ from dataclasses import astuple, dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from repaint_cli.envs.racer.geometry import locate
 from repaint_cli.envs.racer.kernels import kernel
 
 STEP_SECONDS = 1 / 15
@@ -22,9 +21,12 @@ WHEELS = np.array(
     [[-0.081663, 0.08105], [-0.081663, -0.08105], [0.082311, 0.079601], [0.082311, -0.079601]]
 )
 """Wheel points in the car's frame (x ahead, y left of the base), (4, 2), m."""
+WHEELS.flags.writeable = False
 REAR_AXLE = 0.0817
 """From the rear axle, which does not slip sideways, to the base, m."""
-WHEELS.flags.writeable = False
+BODY = np.vstack([[FRONT_OFFSET, 0.0], WHEELS])
+"""Front point and wheel points in the car's frame, (5, 2), m."""
+BODY.flags.writeable = False
 ACTIONS = np.array(
     [[np.deg2rad(angle), speed] for speed in (0.5, 1.0) for angle in (-30, -15, 0, 15, 30)]
 )
@@ -109,35 +111,6 @@ def drive(
         yaw += h * speed * curvature
     state[0], state[1], state[3], state[4] = x, y, speed, steering
     state[2] = np.arctan2(np.sin(yaw), np.cos(yaw))
-
-
-@kernel
-def place(state: np.ndarray, front: np.ndarray, wheels: np.ndarray) -> None:
-    """Fill in a car's front point (2,) and wheel points (4, 2), m, from its state (5,)."""
-    cos, sin = np.cos(state[2]), np.sin(state[2])
-    front[0] = state[0] + FRONT_OFFSET * cos
-    front[1] = state[1] + FRONT_OFFSET * sin
-    for k in range(len(WHEELS)):
-        wheels[k, 0] = state[0] + WHEELS[k, 0] * cos - WHEELS[k, 1] * sin
-        wheels[k, 1] = state[1] + WHEELS[k, 0] * sin + WHEELS[k, 1] * cos
-
-
-@kernel
-def measure(
-    rows: np.ndarray,
-    states: np.ndarray,
-    centre: np.ndarray,
-    distances: np.ndarray,
-    inner: np.ndarray,
-    outer: np.ndarray,
-    fronts: np.ndarray,
-    measures: np.ndarray,
-) -> None:
-    """Fill in front points (N, 2) and `locate`'s measures (N, 6) of the cars in rows (K,)."""
-    wheels = np.empty((4, 2))
-    for row in rows:
-        place(states[row], fronts[row], wheels)
-        locate(centre, distances, inner, outer, fronts[row], wheels, measures[row])
 
 
 @kernel

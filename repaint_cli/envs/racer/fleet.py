@@ -10,15 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from repaint_cli.envs.racer.car import (
+    BODY,
     CAR_PROFILES,
     SPEED,
     STEERING,
     STEP_SECONDS,
     YAW,
     drive_rows,
-    measure,
 )
-from repaint_cli.envs.racer.geometry import NDIST
+from repaint_cli.envs.racer.geometry import NDIST, measure
 from repaint_cli.envs.racer.rules import (
     IN_PROGRESS,
     Counters,
@@ -112,7 +112,7 @@ class Fleet:
     def _measure(self, rows: Rows, progress_before: Floats) -> None:
         """Find out where these cars (K,) stand on the track now."""
         track = self.track
-        rings = (track.centre, track.distances, track.inner, track.outer)
-        measure(rows, self.states, *rings, self._fronts, self._measures)
+        road = (track.centre, track.distances, track.inner, track.outer)
+        measure(rows, self.states, BODY, *road, self._fronts, self._measures)
         ndist = self._measures[rows, NDIST]
         self._progress[rows] = progress_since(ndist, self._starts[rows], progress_before)

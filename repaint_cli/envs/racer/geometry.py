@@ -105,3 +105,38 @@ def locate(
         if ring_holds(outer, wx, wy) and not ring_holds(inner, wx, wy):
             on += 1
     out[WHEELS_ON] = on
+
+
+@kernel
+def measure(
+    rows: np.ndarray,
+    states: np.ndarray,
+    body: np.ndarray,
+    centre: np.ndarray,
+    distances: np.ndarray,
+    inner: np.ndarray,
+    outer: np.ndarray,
+    fronts: np.ndarray,
+    measures: np.ndarray,
+) -> None:
+    """Find out where some cars stand.
+
+    Args:
+        rows: which cars, (K,).
+        states: base x, y (m) and heading (rad) first, (N, ≥3).
+        body: front point and wheel points in the car's frame, (5, 2), m.
+        centre: as in `locate`, like the next three.
+        distances: arclength.
+        inner: inner border.
+        outer: outer border.
+        fronts: filled with the front points, (N, 2), m.
+        measures: filled with what `locate` tells, (N, 6).
+    """
+    points = np.empty(body.shape)
+    for row in rows:
+        cos, sin = np.cos(states[row, 2]), np.sin(states[row, 2])
+        for k in range(len(body)):
+            points[k, 0] = states[row, 0] + body[k, 0] * cos - body[k, 1] * sin
+            points[k, 1] = states[row, 1] + body[k, 0] * sin + body[k, 1] * cos
+        fronts[row] = points[0]
+        locate(centre, distances, inner, outer, points[0], points[1:], measures[row])

@@ -1,8 +1,9 @@
 """How the racer compiles its inner loops: one decorator, one set of promises.
 
-Kernels release the interpreter lock, so that threads can share the cars of a batch, and are cached
-on disk. They use strict floating point: a car's numbers never depend on which other cars stand
-beside it.
+Kernels release the interpreter lock, so that threads can share the cars of a batch, and use strict
+floating point: a car's numbers never depend on which other cars stand beside it. They are cached on
+disk, and the cache knows when a kernel's own file changes but no other: a kernel uses only what
+stands in its file, or is passed in.
 """
 
 from collections.abc import Callable

@@ -1,0 +1,63 @@
+"""`repaint`: the commands, and the one place where an error becomes a line and an exit code."""
+
+import sys
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.markup import escape
+
+from repaint_cli import __version__
+from repaint_cli.cli.compare import compare
+from repaint_cli.cli.evaluate import evaluate
+from repaint_cli.cli.similarity import similarity
+from repaint_cli.cli.tasks import tasks
+from repaint_cli.cli.train_teacher import train_teacher
+from repaint_cli.cli.transfer import transfer
+from repaint_cli.cli.zoo import zoo
+from repaint_cli.errors import RepaintError
+
+app = typer.Typer(
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+app.command("train-teacher")(train_teacher)
+app.command("transfer")(transfer)
+app.command("eval")(evaluate)
+app.command("similarity")(similarity)
+app.command("compare")(compare)
+app.add_typer(tasks, name="tasks")
+app.add_typer(zoo, name="zoo")
+
+DEBUG = "--debug"
+
+
+def _show_version(wanted: bool) -> None:
+    if wanted:
+        print(f"repaint {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def about(
+    version: Annotated[
+        bool,
+        typer.Option("--version", callback=_show_version, is_eager=True, help="Print the version."),
+    ] = False,
+    debug: Annotated[bool, typer.Option(DEBUG, help="Show an error's traceback.")] = False,
+) -> None:
+    """Train teacher policies, keep them in a zoo, and transfer them to new tasks with REPAINT."""
+
+
+def main() -> None:
+    """Run a command; turn what the program can explain into one line on stderr and an exit code."""
+    try:
+        app()
+    except RepaintError as error:
+        if DEBUG in sys.argv:
+            raise
+        Console(stderr=True, soft_wrap=True).print(f"[red]error:[/red] {escape(str(error))}")
+        sys.exit(error.exit_code)
+    except KeyboardInterrupt:
+        sys.exit(130)

@@ -1,0 +1,32 @@
+"""`repaint eval`."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from repaint_cli.cli import options
+
+
+def evaluate(
+    what: Annotated[
+        str | None,
+        typer.Argument(help="A run's folder, a teacher, or its file; none: the newest run."),
+    ] = None,
+    task: Annotated[
+        str | None, typer.Option(help="Play this task instead of the one it was trained on.")
+    ] = None,
+    episodes: options.EvalEpisodes = None,
+    render_offscreen: Annotated[
+        bool, typer.Option("--render-offscreen", help="Film the first episodes, without a screen.")
+    ] = False,
+    video_episodes: Annotated[int | None, typer.Option(help="How many episodes to film.")] = None,
+    seed: Annotated[
+        int | None, typer.Option(help="Of the episodes; default: the policy's own.")
+    ] = None,
+) -> None:
+    """Play a policy's most likely actions, say how it did, draw its paths, film it."""
+    from repaint_cli.cli.examine import examine, subject
+
+    chosen = subject(what, task, Path("runs"))
+    examine(chosen, episodes, seed, video_episodes if render_offscreen else 0, render_offscreen)

@@ -1,0 +1,133 @@
+"""What `repaint eval` does: find a policy, let it play, print, draw and film."""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+from rich.table import Table
+
+from repaint_cli import checkpoint, zoo
+from repaint_cli.cli.screen import out
+from repaint_cli.cli.session import say_written
+from repaint_cli.errors import RenderError
+from repaint_cli.evaluate import Episodes, evaluate
+from repaint_cli.files import write_text
+from repaint_cli.history import newest_run, read_run
+from repaint_cli.learn.seeding import Purpose
+from repaint_cli.nets import ActorCritic
+from repaint_cli.report.pictures import draw_trajectories, film
+from repaint_cli.report.statistics import mean_ci
+from repaint_cli.runs import spaces_of, stamp
+from repaint_cli.tasks import GymEnv, TaskCard, read_task
+
+FILMED = {"gymnasium": 5, "racer": 1}
+"""Episodes in a video, by simulator."""
+
+
+@dataclass(frozen=True)
+class Subject:
+    """Policies to examine."""
+
+    name: str
+    network: ActorCritic
+    seeds: list[int]
+    task: TaskCard
+    folder: Path
+    """Where to write what is found."""
+
+
+def subject(what: str | None, task: str | None, root: Path) -> Subject:
+    """Find a run's last policies, or a teacher's policy, by name.
+
+    Raises:
+        NotFound: there is nothing of this name.
+        CheckpointError: its file is damaged.
+        TeacherMismatch: the policy does not fit the task.
+    """
+    card = read_task(task) if task else None
+    folder = newest_run(root) if what is None else Path(what)
+    if folder.is_dir():
+        run = read_run(folder)
+        network = ActorCritic(spaces_of(run.task), run.task.net, len(run.record["seeds"]))
+        checkpoint.load_networks(folder / "checkpoint.safetensors", network)
+        name = f"{run.task.name} · {run.label} · iteration {run.returns.shape[1]}"
+        return Subject(name, network, run.record["seeds"], card or run.task, folder)
+    path = zoo.find(str(what))
+    network, teacher = zoo.load_teacher(path)
+    if card:
+        zoo.check_fits(teacher, card, spaces_of(card))
+    target = card or teacher.task
+    name = teacher.name if target == teacher.task else f"{teacher.name} on {target.name}"
+    folder = root / target.name / f"eval-{teacher.name}-{stamp()}"
+    return Subject(name, network, [teacher.seed], target, folder)
+
+
+def examine(
+    who: Subject, n_episodes: int | None, seed: int | None, n_filmed: int | None, render: bool
+) -> None:
+    """Evaluate, print a table, and write eval.json, eval-trajectories.png and perhaps video.mp4."""
+    n_episodes = n_episodes or who.task.eval.episodes
+    seeds = who.seeds if seed is None else [seed] * len(who.seeds)
+    task = on_gymnasium(who.task) if render else who.task
+    played = evaluate(
+        who.network, task, seeds, n_episodes, purpose=Purpose.SCORE, keep_images=render
+    ) if task.env.simulator == "racer" else evaluate(
+        who.network, task, seeds, n_episodes, purpose=Purpose.SCORE
+    )  # fmt: skip
+    out.print(table(who, played))
+    written = [who.folder / "eval.json"]
+    write_text(written[0], json.dumps(summary(who, played), indent=2) + "\n")
+    drawn = who.folder / "eval-trajectories.png"
+    if draw_trajectories(who.task, [(who.name, played)], drawn, f"{who.name}, seed {seeds[0]}"):
+        written.append(drawn)
+    if render:
+        wanted = min(n_filmed or FILMED[task.env.simulator], n_episodes)
+        try:
+            film(task, played, who.folder / "video.mp4", who.name, wanted)
+            written.append(who.folder / "video.mp4")
+        except RenderError:
+            say_written(written, "repaint eval")
+            raise
+    say_written(written, f"repaint compare {who.folder.parent}/*")
+
+
+def on_gymnasium(task: TaskCard) -> TaskCard:
+    """Return the task on Gymnasium's own environment, which alone can draw what it played."""
+    if isinstance(task.env, GymEnv):
+        return task.model_copy(update={"env": task.env.model_copy(update={"backend": "gymnasium"})})
+    return task
+
+
+def summary(who: Subject, played: Episodes) -> dict[str, object]:
+    """Return the numbers as JSON: returns, lengths and how much each reward term paid."""
+    weights = who.task.reward
+    terms = played.terms.mean((0, 1))
+    return {
+        "policy": who.name,
+        "task": who.task.name,
+        "seeds": who.seeds,
+        "returns": played.returns.tolist(),
+        "lengths": played.lengths.tolist(),
+        "mean_terms": dict(zip(weights, terms.tolist(), strict=True)),
+        "progress": None if played.progress is None else played.progress.tolist(),
+    }
+
+
+def table(who: Subject, played: Episodes) -> Table:
+    """Lay a row per seed: mean return with its interval over episodes, length, lap progress."""
+    columns = ["seed", "return [95 % CI]", "length"]
+    progress = played.progress
+    columns += [] if progress is None else ["progress", "laps"]
+    rows = Table(*columns, title=who.name, title_justify="left", box=None)
+    for s, seed in enumerate(who.seeds):
+        mean, low, high = mean_ci(played.returns[s])
+        cells = [
+            str(seed),
+            f"{mean:.4g} [{low:.4g}, {high:.4g}]",
+            f"{played.lengths[s].mean():.0f}",
+        ]
+        if progress is not None:
+            laps = int((progress[s] >= 100).sum())
+            cells += [f"{progress[s].mean():.0f} %", f"{laps} of {progress.shape[1]}"]
+        rows.add_row(*cells)
+    return rows

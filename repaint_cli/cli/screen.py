@@ -1,0 +1,74 @@
+"""What people see during a run: a live display on a terminal, a line per iteration elsewhere."""
+
+from types import TracebackType
+
+import numpy as np
+from rich.console import Console, Group
+from rich.live import Live
+from rich.markup import escape
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.text import Text
+
+from repaint_cli.runs import Experiment, Report
+
+out = Console(soft_wrap=True, highlight=False)
+
+
+class Screen:
+    """Shows an experiment's reports as they come."""
+
+    def __init__(self, experiment: Experiment) -> None:
+        plan = experiment.plan
+        self._progress = Progress(
+            TextColumn("{task.description}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TimeRemainingColumn(compact=True),
+            TextColumn("left"),
+            console=out,
+        )
+        total = plan.task.ppo.n_iterations
+        self._bar = self._progress.add_task(f"{plan.method} · {plan.task.name}", total=total)
+        self._total = total
+        self._numbers = Text("  first iteration …", style="dim")
+        self._live = Live(get_renderable=self._render, console=out, refresh_per_second=4)
+
+    def _render(self) -> Group:
+        return Group(self._progress, self._numbers)
+
+    def __enter__(self) -> "Screen":
+        if out.is_terminal:
+            self._live.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        if out.is_terminal:
+            self._live.stop()
+
+    def show(self, report: Report) -> None:
+        """Show an iteration's numbers."""
+        numbers = numbers_of(report)
+        if out.is_terminal:
+            self._progress.update(self._bar, completed=report.stats.iteration)
+            self._numbers = Text("  " + numbers)
+        else:
+            out.print(f"iteration {report.stats.iteration}/{self._total} · {numbers}")
+        if report.warning:
+            out.print(f"[yellow]warning:[/yellow] {escape(report.warning)}")
+
+
+def numbers_of(report: Report) -> str:
+    """Return an iteration's numbers in a line of at most 78 characters."""
+    stats, played = report.stats, report.evaluation
+    speed = stats.numbers["steps_per_second"][0]
+    parts = [stats.phase, f"{speed:,.0f} steps/s", f"return {played.returns.mean():.4g}"]
+    if played.progress is not None:
+        parts.append(f"progress {played.progress.mean():.0f} %")
+    if "kept_fraction" in stats.numbers:
+        parts.append(f"kept {np.mean(stats.numbers['kept_fraction']):.2f}")
+    return " · ".join(parts)

@@ -1,0 +1,88 @@
+"""What training commands share: check names, train under a screen, draw, say what was written."""
+
+from pathlib import Path
+
+from repaint_cli import zoo
+from repaint_cli.cli.screen import Screen, out
+from repaint_cli.config import METHODS
+from repaint_cli.errors import NotFound, StoreError
+from repaint_cli.history import read_run
+from repaint_cli.paths import user_zoo
+from repaint_cli.report.pictures import draw_run
+from repaint_cli.runs import Experiment, Plan, stamp
+
+
+def new_folder(run: Path | None, task: str, what: str) -> Path:
+    """Return the folder of a new run: the one asked for, or runs/<task>/<what>-<stamp>."""
+    return run or Path("runs") / task / f"{what}-{stamp()}"
+
+
+def new_teacher_name(name: str, replace: bool) -> str:
+    """Check that a teacher may be added to the user's zoo under a name.
+
+    Raises:
+        StoreError: it may not, or one is there already.
+    """
+    zoo.check_name(name)
+    path = user_zoo() / f"{name}.safetensors"
+    if path.exists() and not replace:
+        raise StoreError(
+            f"your zoo has a teacher '{name}' already; give another --name, or --replace it"
+        )
+    return name
+
+
+def find_teacher(name: str | None, method: str) -> Path | None:
+    """Return the teacher's file, or None for a method without one.
+
+    Raises:
+        NotFound: there is no such teacher, or none was named for a method that needs one.
+    """
+    if not METHODS[method].needs_teacher:
+        return None
+    if name is None:
+        raise NotFound(f"method '{method}' needs a teacher: --teacher NAME (repaint zoo list)")
+    return zoo.find(name)
+
+
+def carry_out(plan: Plan, teacher: tuple[str, Path] | None = None) -> None:
+    """Train as planned, then draw, write teachers and say what was written.
+
+    Ctrl-C ends the training early; what was finished is drawn and named all the same, and the exit
+    code is 130.
+
+    Args:
+        plan: what to do.
+        teacher: the name and the zoo under which to keep the best evaluated policy.
+    """
+    experiment = Experiment(plan)
+    interrupted = False
+    try:
+        with Screen(experiment) as screen:
+            for report in experiment.run():
+                screen.show(report)
+    except KeyboardInterrupt:
+        interrupted = True
+        out.print(f"interrupted after iteration {experiment.learner.iteration}")
+        if not experiment.reports:
+            raise
+    written = [plan.folder / name for name in ("run.json", "metrics.csv", "checkpoint.safetensors")]
+    written += experiment.policies()
+    written += draw_run(read_run(plan.folder), experiment.reports)
+    following = f"repaint eval {plan.folder} --render-offscreen"
+    if teacher and not interrupted:
+        written.append(experiment.best_teacher(*teacher))
+        following = f"repaint eval {teacher[0]} --render-offscreen"
+    say_written(written, following)
+    if interrupted:
+        raise KeyboardInterrupt
+
+
+def say_written(files: list[Path], following: str) -> None:
+    """Print every file written, folder by folder, and the next command worth typing."""
+    folders: dict[Path, list[str]] = {}
+    for path in files:
+        folders.setdefault(path.parent, []).append(path.name)
+    for folder, names in folders.items():
+        out.print(f"wrote [bold]{folder}/[/bold]: {', '.join(names)}")
+    out.print(f"next: [bold]{following}[/bold]")

@@ -1,0 +1,81 @@
+"""The table of `repaint compare`."""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from rich.table import Table
+
+from repaint_cli.cli.screen import out
+from repaint_cli.errors import CardError
+from repaint_cli.history import Run, read_run
+from repaint_cli.report.statistics import area_under_curve, iterations_to
+
+MARKS = (1, 5, 10, 20)
+"""Iterations whose returns are shown."""
+
+
+def read_runs(folders: Sequence[Path]) -> dict[str, Run]:
+    """Read runs of one task by labels that tell them apart; other folders are passed over.
+
+    Raises:
+        CardError: they are of several tasks, or there is none.
+    """
+    read = [read_run(folder) for folder in folders if (folder / "run.json").is_file()]
+    tasks = sorted({run.task.name for run in read})
+    if len(tasks) != 1:
+        raise CardError(f"expected runs of one task, found {', '.join(tasks) or 'no run'}")
+    labels = [run.label for run in read]
+    return {run.label if labels.count(run.label) == 1 else run.folder.name: run for run in read}
+
+
+def rows(runs: dict[str, Run]) -> list[dict[str, object]]:
+    """Return each run's numbers; the target is the best mean return of the first scratch run."""
+    scratch = [run for run in runs.values() if run.method == "scratch"]
+    target = float(np.nanmax(scratch[0].returns.mean(0))) if scratch else float("nan")
+    found = []
+    for label, run in runs.items():
+        returns = run.returns
+        marks = {f"k={k}": _at(returns, k) for k in MARKS}
+        row: dict[str, object] = {"run": label, "seeds": len(returns)} | marks
+        if run.progress is not None:
+            row |= {f"progress k={k}": _at(run.progress, k) for k in MARKS}
+        area = area_under_curve(returns)
+        reached = iterations_to(returns, target)
+        found.append(
+            row
+            | {"area": float(area.mean()), "area_spread": float(np.ptp(area))}
+            | {"target": target, "reached": [None if np.isnan(k) else int(k) for k in reached]}
+        )
+    return found
+
+
+def _at(numbers: np.ndarray, k: int) -> float | None:
+    return float(numbers[:, k - 1].mean()) if k <= numbers.shape[1] else None
+
+
+def print_comparison(runs: dict[str, Run], as_json: bool) -> None:
+    """Print the table, or the same numbers as JSON."""
+    found = rows(runs)
+    if as_json:
+        print(json.dumps(found, indent=2))
+        return
+    table = Table("run", *(f"k={k}" for k in MARKS), "area", "to target", box=None)
+    for row in found:
+        cells = []
+        for k in MARKS:
+            value, progress = row[f"k={k}"], row.get(f"progress k={k}")
+            text = "-" if value is None else f"{value:.4g}"
+            cells.append(text if progress is None else f"{text} ({progress:.0f} %)")
+        reached = row["reached"]
+        assert isinstance(reached, list)
+        cells.append(f"{row['area']:.4g}")
+        cells.append(", ".join("never" if k is None else str(k) for k in reached))
+        table.add_row(str(row["run"]), *cells)
+    out.print(table)
+    target = found[0]["target"]
+    out.print(
+        "k: mean evaluation return after iteration k (lap progress); area: mean of the return over "
+        f"iterations; to target: each seed's first iteration at scratch's best mean, {target:.4g}"
+    )

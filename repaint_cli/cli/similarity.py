@@ -1,0 +1,76 @@
+"""`repaint similarity`."""
+
+import json
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from repaint_cli.tasks import TaskCard
+
+
+def similarity(
+    names: Annotated[
+        list[str] | None,
+        typer.Argument(help="Tasks, cards or teachers; none means all shipped tasks."),
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+) -> None:
+    """Compare tasks by the cosine of their reward weights; say what one's teacher is to another.
+
+    The relation is directed: a row's task as the teacher, a column's as the target.
+    """
+    from repaint_cli.tasks import cosine, relation, shipped_tasks
+
+    cards = [_card(name) for name in names or shipped_tasks()]
+    if len(cards) == 1:
+        cards += [_card(name) for name in shipped_tasks() if name != cards[0].name]
+    pairs = [
+        {"teacher": a.name, "target": b.name, "cosine": cosine(a, b), "relation": relation(a, b)}
+        for a in cards for b in cards if a is not b
+    ]  # fmt: skip
+    if as_json:
+        print(json.dumps(pairs[:1] if len(cards) == 2 else pairs, indent=2))
+    elif len(cards) == 2:
+        pair = pairs[0]
+        value = "" if pair["cosine"] is None else f"{pair['cosine']:.3f}  "
+        print(f"{pair['teacher']} → {pair['target']}  {value}{pair['relation']}")
+    else:
+        _print_matrix(cards)
+
+
+def _card(name: str) -> "TaskCard":
+    """Read a task's card, or the card inside a teacher."""
+    from repaint_cli import zoo
+    from repaint_cli.errors import NotFound
+    from repaint_cli.tasks import read_task, shipped_tasks
+
+    if name.endswith(".toml") or name in shipped_tasks():
+        return read_task(name)
+    teachers = zoo.teachers()
+    if name in teachers or name.endswith(".safetensors"):
+        return zoo.read_card(zoo.find(name)).task
+    known = [*shipped_tasks(), *teachers]
+    raise NotFound.named("task or teacher", name, known, "repaint tasks list, repaint zoo list")
+
+
+def _print_matrix(cards: "list[TaskCard]") -> None:
+    """Print a table of cosines per group of comparable tasks."""
+    from rich.console import Console
+    from rich.table import Table
+
+    from repaint_cli.tasks import cosine, relation
+
+    out, left = Console(), list(cards)
+    while left:
+        group = [card for card in left if card is left[0] or cosine(left[0], card) is not None]
+        left = [card for card in left if card not in group]
+        table = Table("teacher \\ target", *(card.name for card in group), box=None)
+        for a in group:
+            cells = (
+                f"{cosine(a, b):.3f}{'*' if 'sub-task' in relation(a, b) else ''}" for b in group
+            )
+            table.add_row(a.name, *cells)
+        out.print(table)
+        out.print()
+    out.print("above 0: similar; else different; *: the teacher's task is a sub-task of the target")

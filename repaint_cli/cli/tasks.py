@@ -1,0 +1,96 @@
+"""`repaint tasks list | show | copy | check`."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from repaint_cli.errors import StoreError
+from repaint_cli.files import write_text
+from repaint_cli.tasks import TaskCard, read_task, shipped_tasks
+
+tasks = typer.Typer(no_args_is_help=True, help="List, show, copy and check task cards.")
+Name = Annotated[str, typer.Argument(help="A task's name, or a card of your own.")]
+
+
+@tasks.command("list")
+def list_tasks() -> None:
+    """List the shipped tasks."""
+    width = max(len(name) for name in shipped_tasks())
+    for name in shipped_tasks():
+        print(f"{name:{width}}  {read_task(name).summary}")
+
+
+@tasks.command()
+def show(name: Name) -> None:
+    """Show a task's settings, all of them, with what each means."""
+    from rich.console import Console
+    from rich.markup import escape
+
+    card, out = read_task(name), Console()
+    out.print(f"[bold]{card.name}[/bold]: {escape(card.summary)}")
+    for section, settings in card.model_dump().items():
+        if not isinstance(settings, dict):
+            continue
+        out.print(f"\n[bold]{escape(f'[{section}]')}[/bold]")
+        fields = type(getattr(card, section)).model_fields if section != "reward" else {}
+        for key, value in settings.items():
+            out.print(f"{key} = [cyan]{escape(str(value))}[/cyan]", highlight=False)
+            if key in fields:
+                out.print(
+                    f"    [dim]{escape(fields[key].description or '')}[/dim]", highlight=False
+                )
+
+
+@tasks.command()
+def copy(
+    name: Name, file: Annotated[Path, typer.Argument(help="The new card, such as my-task.toml.")]
+) -> None:
+    """Copy a task's card, whole, to a file of your own to edit."""
+    card = read_task(name)
+    if file.suffix != ".toml":
+        raise StoreError(f"expected a file that ends in .toml, found '{file}'")
+    if file.exists():
+        raise StoreError(f"{file} exists already; give another name")
+    write_text(file, to_toml(card))
+    print(f"wrote {file}\nnext: repaint train-teacher --task {file}")
+
+
+@tasks.command()
+def check(name: Name) -> None:
+    """Check a card: its settings, its environment, its reward terms, one random step."""
+    from repaint_cli.runs import spaces_of
+
+    card = read_task(name)
+    card.check_rollout()
+    spaces = spaces_of(card)
+    env = card.make_env(1)
+    env.reset(seed=[0])
+    env.action_space.seed(0)
+    *_, info = env.step(env.action_space.sample())
+    terms = ", ".join(
+        f"{t} {value:.4g}" for t, value in zip(env.names, info["reward_terms"][0], strict=True)
+    )
+    print(f"{card.name} is sound: {spaces}; reward terms of a random first step: {terms}")
+
+
+def to_toml(card: TaskCard) -> str:
+    """Write a card as TOML; settings that are absent stay absent."""
+    data = card.model_dump(exclude_none=True, exclude={"name"})
+    top = [f"{key} = {_value(value)}" for key, value in data.items() if not isinstance(value, dict)]
+    for section, settings in data.items():
+        if isinstance(settings, dict):
+            top += ["", f"[{section}]"] + [f"{k} = {_value(v)}" for k, v in settings.items()]
+    return "\n".join(top) + "\n"
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, str):
+        return '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"'
+    if isinstance(value, dict):
+        return "{ " + ", ".join(f"{k} = {_value(v)}" for k, v in value.items()) + " }"
+    if isinstance(value, tuple | list):
+        return "[" + ", ".join(_value(part) for part in value) + "]"
+    return str(value)

@@ -1,0 +1,38 @@
+"""`repaint train-teacher`."""
+
+from typing import Annotated
+
+import typer
+
+from repaint_cli.cli import options
+
+
+def train_teacher(
+    task: options.Task,
+    name: Annotated[
+        str | None, typer.Option(help="The teacher's name; default: the task's.")
+    ] = None,
+    replace: Annotated[
+        bool, typer.Option(help="Replace a teacher of this name in your zoo.")
+    ] = False,
+    iterations: options.Iterations = None,
+    seeds: options.Seeds = 1,
+    seed: options.Seed = 0,
+    eval_episodes: options.EvalEpisodes = None,
+    settings: options.Set = None,
+    run: options.RunFolder = None,
+    tensorboard: options.TensorBoard = False,
+) -> None:
+    """Train a teacher from scratch and put its best evaluated policy into your zoo."""
+    from repaint_cli.cli.session import carry_out, new_folder, new_teacher_name
+    from repaint_cli.paths import user_zoo
+    from repaint_cli.runs import Plan
+    from repaint_cli.tasks import read_task
+
+    card = options.customize(
+        read_task(task), settings, ppo__n_iterations=iterations, eval__episodes=eval_episodes
+    )
+    name = new_teacher_name(name or card.name, replace)
+    folder = new_folder(run, card.name, "scratch")
+    plan = Plan(card, "scratch", options.seed_list(seed, seeds), folder, tensorboard=tensorboard)
+    carry_out(plan, teacher=(name, user_zoo()))

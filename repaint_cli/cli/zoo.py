@@ -1,0 +1,65 @@
+"""`repaint zoo list | show | verify`."""
+
+import json
+from typing import Annotated
+
+import typer
+
+from repaint_cli.errors import CheckpointError
+from repaint_cli.zoo import find, read_card, teachers
+
+zoo = typer.Typer(no_args_is_help=True, help="List, show and verify teachers.")
+Name = Annotated[str, typer.Argument(help="A teacher's name or file.")]
+
+
+@zoo.command("list")
+def list_teachers(
+    fits: Annotated[str | None, typer.Option(help="Only teachers that fit this task.")] = None,
+) -> None:
+    """List teachers: your own first, then the shipped ones."""
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table("teacher", "task", "score [95 % CI]", "steps", "where", box=None)
+    chosen = _fitting(fits) if fits else teachers()
+    for name, path in chosen.items():
+        card = read_card(path)
+        score = card.score
+        text = f"{score.mean:.4g} [{score.low:.4g}, {score.high:.4g}]" if score else "-"
+        table.add_row(name, card.task.name, text, f"{card.env_steps:,}", str(path.parent))
+    Console(soft_wrap=True).print(table)
+
+
+def _fitting(task: str):  # type: ignore[no-untyped-def]
+    from repaint_cli.runs import spaces_of
+    from repaint_cli.tasks import read_task
+    from repaint_cli.zoo import misfit
+
+    card = read_task(task)
+    spaces = spaces_of(card)
+    return {n: path for n, path in teachers().items() if not misfit(read_card(path), card, spaces)}
+
+
+@zoo.command()
+def show(name: Name) -> None:
+    """Show a teacher's card."""
+    print(json.dumps(read_card(find(name)).model_dump(mode="json"), indent=2))
+
+
+@zoo.command()
+def verify(
+    name: Annotated[str | None, typer.Argument(help="A teacher's name or file; none: all.")] = None,
+) -> None:
+    """Check teachers: whole file, finite weights, a sound card, leaves of the right shapes."""
+    from repaint_cli.zoo import load_teacher
+
+    names = [name] if name else list(teachers())
+    bad = []
+    for each in names:
+        try:
+            load_teacher(find(each))
+            print(f"{each}: sound")
+        except CheckpointError as error:
+            bad.append(f"{each}: {error}")
+    if bad:
+        raise CheckpointError("; ".join(bad))

@@ -1,0 +1,150 @@
+"""The kernels once more, in numpy that is slow and plain, for the tests to compare. SI units."""
+
+from typing import Any
+
+import numpy as np
+
+from repaint_cli.envs.racer import camera, car, ground
+from repaint_cli.envs.racer.track import Floats, Track
+
+
+def ring_project(ring: Floats, points: Floats) -> tuple[Floats, Floats]:
+    """Find the ring's points nearest to points (P, 2), (P, 2), and their positions, (P,)."""
+    start, step = ring[:-1], np.diff(ring, axis=0)  # (M, 2)
+    squared = (step**2).sum(axis=1)
+    offset = points[:, None] - start  # (P, M, 2)
+    share = np.clip((offset * step).sum(axis=2) / np.where(squared > 0, squared, 1), 0, 1)
+    near = start + share[:, :, None] * step  # (P, M, 2)
+    best = ((near - points[:, None]) ** 2).sum(axis=2).argmin(axis=1)
+    rows = np.arange(len(points))
+    return near[rows, best], best + share[rows, best]
+
+
+def ring_winds(ring: Floats, points: Floats) -> Any:
+    """Tell which points (P, 2) the ring winds around, (P,) bool, by summing the angles it spans."""
+    arms = ring - points[:, None]  # (P, M, 2)
+    a, b = arms[:, :-1], arms[:, 1:]
+    cross = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
+    return np.abs(np.arctan2(cross, (a * b).sum(axis=2)).sum(axis=1)) > np.pi
+
+
+def locate(track: Track, states: Floats) -> Floats:
+    """Measure where cars (N, 5) stand, (N, 6), as `geometry.locate` tells it."""
+    turn = _rotations(states[:, car.YAW])
+    base = states[:, :2]
+    front = base + turn @ np.array([car.FRONT_OFFSET, 0.0])
+    wheels = (base[:, None] + np.einsum("nij,kj->nki", turn, car.WHEELS)).reshape(-1, 2)
+    on_road = ring_winds(track.outer, wheels) & ~ring_winds(track.inner, wheels)
+    centre, where = ring_project(track.centre, front)
+    inner, _ = ring_project(track.inner, centre)
+    outer, _ = ring_project(track.outer, centre)
+    along = np.interp(where, np.arange(len(track.distances)), track.distances)
+    columns = [
+        along / track.length,
+        np.linalg.norm(centre - front, axis=1),
+        np.linalg.norm(inner - front, axis=1),
+        np.linalg.norm(outer - front, axis=1),
+        np.linalg.norm(inner - outer, axis=1),
+        on_road.reshape(-1, 4).sum(axis=1),
+    ]
+    return np.stack(columns, axis=1)
+
+
+def drive(
+    states: Floats, before: Floats, commands: Floats, profile: car.CarProfile, seconds: float
+) -> Floats:
+    """Return the states (N, 5) of cars after one step; `car.drive` does it to one, in place."""
+    x, y, yaw, speed, steering = states.T
+    h = seconds / car.SUBSTEPS
+    for i in range(car.SUBSTEPS):
+        old = np.clip(profile.delay / h - i, 0, 1)
+        wanted_steering, wanted_speed = (old * before + (1 - old) * commands).T
+        if profile.speed_lag:
+            limit = profile.acceleration_limit
+            speed = speed + h * np.clip((wanted_speed - speed) / profile.speed_lag, -limit, limit)
+        else:
+            speed = wanted_speed
+        steering = (
+            steering + h * (wanted_steering - steering) / profile.steering_lag
+            if profile.steering_lag
+            else wanted_steering
+        )
+        bend, most = np.tan(steering) / profile.wheelbase, profile.curvature_limit
+        bend = most * np.tanh(bend / most) if np.isfinite(most) else bend
+        x = x + h * speed * (np.cos(yaw) - car.REAR_AXLE * bend * np.sin(yaw))
+        y = y + h * speed * (np.sin(yaw) + car.REAR_AXLE * bend * np.cos(yaw))
+        yaw = yaw + h * speed * bend
+    return np.stack([x, y, np.arctan2(np.sin(yaw), np.cos(yaw)), speed, steering], axis=1)
+
+
+def luma(track: Track, points: Floats) -> Floats:
+    """Return the grey level of ground points (P, 2), (P,)."""
+    on_road = ring_winds(track.outer, points) & ~ring_winds(track.inner, points)
+    gaps = [_gap(ring, points) for ring in (track.inner, track.outer, track.centre)]
+    _, where = ring_project(track.centre, points)
+    along = np.interp(where, np.arange(len(track.distances)), track.distances)
+    levels = [
+        ground.luma(min(a, b), c, s, on)
+        for a, b, c, s, on in zip(*gaps, along, on_road, strict=True)
+    ]
+    return np.array(levels)
+
+
+def render(state: Floats, picture: ground.Ground) -> Floats:
+    """Return what the camera of a car (5,) sees, (120, 160), casting a ray through every pixel.
+
+    The ray runs to the ground and to the planes of the four walls; what it meets first counts.
+    """
+    rays = _rays(state[car.YAW])  # (120, 160, 3)
+    eye = np.append(state[:2] + _rotations(state[2:3])[0] @ [camera.CAMERA_X, 0], camera.CAMERA_Z)
+    grey = np.full(rays.shape[:2], float(camera.SKY))
+    nearest = np.full(rays.shape[:2], np.inf)
+    with np.errstate(divide="ignore"):
+        for wall, corner in enumerate((0, 2, 1, 3)):  # as WALLS: least x, greatest x, least y, …
+            axis = corner % 2
+            far = (picture.field[corner] - eye[axis]) / rays[..., axis]
+            hit = (far > 0) & (far < nearest)
+            nearest[hit] = far[hit]
+            top = eye[2] + far * rays[..., 2] <= camera.WALL_HEIGHT
+            grey = np.where(hit, np.where(top, camera.WALLS[wall], camera.SKY), grey)
+        down = -eye[2] / rays[..., 2]
+    for row, level in enumerate(camera.row_table()[:, camera.LEVEL].astype(int)):
+        seen = (down[row] > 0) & (down[row] < nearest[row])
+        points = eye[:2] + down[row, seen, None] * rays[row, seen, :2]
+        grey[row, seen] = _bilinear(picture.levels[level], points - picture.origin, level)
+    return grey
+
+
+def _rotations(yaw: Floats) -> Floats:
+    """Return the matrices (N, 2, 2) from the frames of cars with headings (N,) to the world's."""
+    cos, sin = np.cos(yaw), np.sin(yaw)
+    return np.stack([np.stack([cos, -sin], -1), np.stack([sin, cos], -1)], -2)
+
+
+def _gap(ring: Floats, points: Floats) -> Floats:
+    gaps: Floats = np.linalg.norm(ring_project(ring, points)[0] - points, axis=1)
+    return gaps
+
+
+def _rays(yaw: float) -> Floats:
+    """Return the directions of all pixels in the world, (120, 160, 3)."""
+    right = (np.arange(camera.WIDTH) + 0.5 - camera.WIDTH / 2) / camera.FOCAL
+    down = (np.arange(camera.HEIGHT) + 0.5 - camera.HEIGHT / 2) / camera.FOCAL
+    cos, sin = np.cos(camera.PITCH), np.sin(camera.PITCH)
+    axis, below = np.array([cos, 0, -sin]), np.array([-sin, 0, -cos])  # in the car's frame
+    rays: Floats = (
+        axis + down[:, None, None] * below + right[None, :, None] * np.array([0, -1.0, 0])
+    )
+    rays[..., :2] = rays[..., :2] @ _rotations(np.array([yaw]))[0].T
+    return rays
+
+
+def _bilinear(level: Any, offsets: Floats, number: int) -> Floats:
+    """Look up a level of the ground at offsets (P, 2) from its corner, m."""
+    u, v = (offsets / (ground.TEXEL * 2**number) - 0.5).T
+    c, r = np.floor(u).astype(int), np.floor(v).astype(int)
+    fu, fv = u - c, v - r
+    low = level[r, c] * (1 - fu) + level[r, c + 1] * fu
+    high = level[r + 1, c] * (1 - fu) + level[r + 1, c + 1] * fu
+    grey: Floats = low * (1 - fv) + high * fv
+    return grey

@@ -1,0 +1,131 @@
+"""The pictures of a run: which data goes into its curves, its trajectories and its video."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from repaint_cli.evaluate import Episodes
+from repaint_cli.history import Run
+from repaint_cli.report.curves import plot_curves
+from repaint_cli.report.offscreen import Episode, render_gym
+from repaint_cli.report.racer_film import Drive, racer_frames
+from repaint_cli.report.trajectories import Paths, plot_racer, plot_reacher
+from repaint_cli.report.video import write_video
+from repaint_cli.runs import Report
+from repaint_cli.tasks import GymEnv, RacerEnv, TaskCard, load_track
+
+PANELS = 6
+"""Checkpoints whose trajectories are drawn."""
+
+FRONT_POINT = 0.14
+"""How far the racer's reported point is ahead of its base point, m."""
+
+
+def draw_run(run: Run, reports: Sequence[Report]) -> list[Path]:
+    """Draw a run's learning curve and, where the task has paths, its first seed's trajectories."""
+    curves = run.folder / "curves.png"
+    draw_curves({run.label: run}, curves, title=f"{run.task.name}: {run.label}")
+    if not reports:
+        return [curves]
+    chosen = np.unique(np.linspace(0, len(reports) - 1, PANELS).round().astype(int))
+    panels = [(f"iteration {reports[i].stats.iteration}", reports[i].evaluation) for i in chosen]
+    trajectories = run.folder / "trajectories.png"
+    title = f"{run.task.name}: {run.label}, seed {run.record['seeds'][0]}"
+    drawn = draw_trajectories(run.task, panels, trajectories, title)
+    return [curves, trajectories] if drawn else [curves]
+
+
+def draw_curves(runs: dict[str, Run], path: Path, title: str) -> None:
+    """Draw learning curves of runs on one task, by label."""
+    some = list(runs.values())
+    progress = {label: run.progress for label, run in runs.items() if run.progress is not None}
+    scratch = [run.returns for run in some if run.method == "scratch"]
+    taught = [run for run in some if run.record["teacher"] and run.method != "warm-start"]
+    lengths = {int(run.record["transfer"]["iterations"]) for run in taught}
+    best = float(np.nanmax(scratch[0].mean(0))) if scratch and len(some) > 1 else None
+    plot_curves(
+        {label: run.returns for label, run in runs.items()},
+        path,
+        title=title,
+        progress=progress or None,
+        reference=None if best is None else (best, "scratch's best"),
+        transfer_iterations=lengths.pop() if len(lengths) == 1 else None,
+    )
+
+
+def draw_trajectories(
+    task: TaskCard, panels: Sequence[tuple[str, Episodes]], path: Path, title: str
+) -> bool:
+    """Draw the first seed's paths, a panel per evaluation; return False where the task has none."""
+    paths = [_paths(label, played) for label, played in panels if played.paths is not None]
+    if not paths:
+        return False
+    if isinstance(task.env, RacerEnv):
+        track = load_track(task.env.track)
+        plot_racer(paths, track.inner, track.outer, track.centre, path, title)
+    else:
+        plot_reacher(paths, path, title)
+    return True
+
+
+def _paths(label: str, played: Episodes) -> Paths:
+    assert played.paths is not None
+    label += f" · return {played.returns[0].mean():.4g}"
+    if played.progress is None or played.status is None:
+        targets = None if played.targets is None else played.targets[0]
+        return Paths(played.paths[0], label, target=targets)
+    from repaint_cli.envs.racer import STATUS
+
+    return Paths(
+        played.paths[0],
+        f"{label} · progress {played.progress[0].mean():.0f} %",
+        speed=played.records["speed"][:, 0].T,
+        ended_off=played.status[0] == STATUS.index("off_track"),
+    )
+
+
+def film(task: TaskCard, played: Episodes, path: Path, title: str, n_episodes: int) -> None:
+    """Film the first seed's first episodes.
+
+    Raises:
+        RenderError: MuJoCo's renderer does not work here.
+        StoreError: the file cannot be written.
+    """
+    if isinstance(task.env, GymEnv):
+        episodes = [_replay(played, e) for e in range(n_episodes)]
+        return render_gym(task.env.id, task.env.kwargs, episodes, path, title=title)
+    track = load_track(task.env.track)
+    frames = (
+        frame
+        for e in range(n_episodes)
+        for frame in racer_frames(
+            track.inner, track.outer, track.centre, _drive(played, e), f"{title} · episode {e + 1}"
+        )
+    )
+    return write_video(frames, path, fps=15)
+
+
+def _replay(played: Episodes, e: int) -> Episode:
+    steps = played.lengths[0, e]
+    actions = played.actions[:steps, 0, e]
+    rewards = played.rewards[:steps, 0, e]
+    if actions.dtype.kind == "f":
+        actions = actions.astype(np.float64)
+    return Episode(played.env_seeds[e], actions, rewards)
+
+
+def _drive(played: Episodes, e: int) -> Drive:
+    assert played.images is not None
+    steps = played.lengths[0, e]
+    state = {name: rows[:steps, 0, e] for name, rows in played.records.items()}
+    ahead = FRONT_POINT * np.stack([np.cos(state["heading"]), np.sin(state["heading"])], -1)
+    return Drive(
+        xy=np.stack([state["x"], state["y"]], -1) - ahead,
+        heading=state["heading"],
+        speed=state["speed"],
+        steering=state["steering"],
+        progress=state["progress"],
+        reward=played.rewards[:steps, 0, e],
+        images=played.images[0][e],
+    )

@@ -1,0 +1,92 @@
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from repaint_cli.report.statistics import (
+    area_under_curve,
+    bootstrap_mean,
+    interquartile_mean,
+    iterations_to,
+    mean_ci,
+)
+
+NAN = np.nan
+
+
+def test_the_interval_of_two_runs_is_the_two_runs():
+    # drawing two of {0, 1} gives a mean of 0, ½, 1 with chances ¼, ½, ¼
+    assert mean_ci([0.0, 1.0]) == (0.5, 0.0, 1.0)
+    assert mean_ci([0.0, 1.0], level=0.4) == (0.5, 0.5, 0.5)
+
+
+def test_the_interval_of_many_runs_is_that_of_the_normal_law():
+    values = np.random.default_rng(3).normal(7.0, 2.0, 400)
+    mean, low, high = mean_ci(values)
+    wide = 1.96 * values.std() / 20
+    assert mean == pytest.approx(values.mean())
+    assert_allclose([low, high], [mean - wide, mean + wide], atol=0.02)
+
+
+def test_a_higher_level_is_a_wider_interval():
+    values = [1.0, 2.0, 4.0, 8.0, 9.0]
+    _, low, high = mean_ci(values, level=0.8)
+    _, lower, higher = mean_ci(values, level=0.99)
+    assert lower < low < high < higher
+
+
+def test_the_same_seed_gives_the_same_interval_and_order_does_not_matter_to_the_mean():
+    values = [3.0, 1.0, 4.0, 1.5, 9.0]
+    assert mean_ci(values, seed=1) == mean_ci(values, seed=1)
+    assert mean_ci(values)[0] == mean_ci(values[::-1])[0]
+
+
+@pytest.mark.parametrize("values", [[], [NAN, 1.0, 2.0]], ids=["no runs", "a run without a value"])
+def test_no_mean_without_every_value(values):
+    assert_array_equal(mean_ci(values), [NAN] * 3)
+    assert np.isnan(interquartile_mean(values))
+
+
+def test_one_run_has_a_mean_and_no_interval():
+    assert_array_equal(mean_ci([4.0]), [4.0, NAN, NAN])
+
+
+def test_a_gap_in_one_column_leaves_the_others_their_interval():
+    low, high = bootstrap_mean(np.array([[0.0, 1.0, NAN], [0.0, 2.0, 5.0]]))
+    assert_array_equal(low, [0.0, 1.0, NAN])
+    assert_array_equal(high, [0.0, 2.0, NAN])
+
+
+def test_interquartile_mean_drops_a_quarter_at_either_end():
+    assert interquartile_mean([100, 1, 2, 3, 4, 5, 6, -100]) == 3.5
+    assert interquartile_mean([1, 2, 6]) == 3.0  # ⌊3/4⌋ = 0: nothing to drop
+
+
+def test_area_under_a_curve_is_its_mean_height():
+    assert_allclose(
+        area_under_curve([[2.0, 2.0, 2.0], [0.0, 2.0, 4.0], [0.0, 4.0, 0.0]]), [2, 2, 2]
+    )
+
+
+def test_area_bridges_iterations_nobody_was_evaluated_at():
+    assert_allclose(area_under_curve([[NAN, 0.0, NAN, NAN, 6.0, NAN]]), [3.0])
+
+
+def test_a_seed_that_stopped_early_has_no_area():
+    assert_array_equal(area_under_curve([[1.0, 1.0, 1.0], [9.0, 9.0, NAN]]), [1.0, NAN])
+
+
+def test_area_of_one_iteration_or_none():
+    assert_array_equal(area_under_curve([[3.0], [4.0]]), [3.0, 4.0])
+    assert_array_equal(area_under_curve(np.full((2, 3), NAN)), [NAN, NAN])
+    assert_array_equal(area_under_curve(np.empty((2, 0))), [NAN, NAN])
+
+
+def test_iterations_count_from_one_and_never_is_nan():
+    returns = [[5.0, 0.0, 0.0], [0.0, 4.0, 1.0], [0.0, NAN, 4.5], [0.0, 3.9, NAN]]
+    assert_array_equal(iterations_to(returns, 4.0), [1, 2, 3, NAN])
+    assert_array_equal(iterations_to(np.empty((2, 0)), 4.0), [NAN, NAN])
+
+
+def test_a_flat_list_is_refused():
+    with pytest.raises(ValueError, match="seeds, iterations"):
+        iterations_to([1.0, 2.0], 1.0)
