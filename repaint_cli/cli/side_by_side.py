@@ -51,6 +51,24 @@ def rows(runs: dict[str, Run]) -> list[dict[str, object]]:
     return found
 
 
+def verdicts(found: list[dict[str, object]]) -> list[str]:
+    """Say in a sentence per run whether its area is ahead of the first scratch run's, or not."""
+    scratch = next((row for row in found if str(row["run"]).startswith("scratch")), None)
+    if scratch is None:
+        return []
+    base = float(str(scratch["area"]))
+    sentences = []
+    for row in found:
+        if row is not scratch:
+            ahead = float(str(row["area"])) - base
+            word = "above" if ahead > 0 else "below"
+            sentences.append(
+                f"{row['run']} earned {abs(ahead):.3g} {word} {scratch['run']} per iteration "
+                f"(mean return {float(str(row['area'])):.4g} against {base:.4g})"
+            )
+    return sentences
+
+
 def _at(numbers: np.ndarray, k: int) -> float | None:
     return float(numbers[:, k - 1].mean()) if k <= numbers.shape[1] else None
 
@@ -74,6 +92,8 @@ def print_comparison(runs: dict[str, Run], as_json: bool) -> None:
         cells.append(", ".join("never" if k is None else str(k) for k in reached))
         table.add_row(str(row["run"]), *cells)
     out.print(table)
+    for sentence in verdicts(found):
+        out.print(sentence)
     target = found[0]["target"]
     out.print(
         "k: mean evaluation return after iteration k (lap progress); area: mean of the return over "

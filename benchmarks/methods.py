@@ -1,0 +1,155 @@
+"""Compare methods on one task, side by side: the README's table, and the one defaults come from.
+
+    python benchmarks/methods.py readme reacher     # scratch, kickstart, repaint twice; seeds 0-2
+    python benchmarks/methods.py choose reacher     # candidates for the defaults; their own seeds
+
+Each row is one `repaint transfer` in a process of its own with one thread, two at a time. The runs
+go to runs/methods/, the table to benchmarks/results/ as CSV, a line per row and seed.
+"""
+
+import argparse
+import csv
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from repaint_cli.history import read_run
+from repaint_cli.report.statistics import area_under_curve, iterations_to
+
+RESULTS = Path(__file__).parent / "results"
+MARKS = (1, 5, 10, 20)
+
+
+@dataclass(frozen=True)
+class Row:
+    """One configuration."""
+
+    label: str
+    method: str
+    teacher: str | None = None
+    options: tuple[str, ...] = ()
+
+
+def sets(**values: object) -> tuple[str, ...]:
+    """Return --set options from section__key=value."""
+    return tuple(
+        part
+        for key, value in values.items()
+        for part in ("--set", f"{key.replace('__', '.')}={value}")
+    )
+
+
+def paper_numbers(task: str) -> tuple[str, ...]:
+    """Return the paper's numbers where ours may differ: raw ζ, the teacher as trained, β₀ = 0.2."""
+    lasts, threshold = (4, 0.2) if task.startswith("racer") else (15, 0.8)
+    return sets(
+        select__scale="none", select__threshold=threshold, transfer__iterations=lasts,
+        transfer__kickstart_coef=0.2, transfer__teacher_min_std=0, transfer__teacher_temperature=1,
+    )  # fmt: skip
+
+
+def readme_rows(task: str) -> Iterator[Row]:
+    """Yield the README's rows."""
+    yield Row("scratch", "scratch")
+    for teacher in TEACHERS[task]:
+        yield Row(f"kickstart from {teacher}", "kickstart", teacher)
+        yield Row(
+            f"repaint from {teacher}, paper's numbers", "repaint", teacher, paper_numbers(task)
+        )
+        yield Row(f"repaint from {teacher}, our defaults", "repaint", teacher)
+
+
+def choose_rows(task: str) -> Iterator[Row]:
+    """Yield the candidates for a family's defaults."""
+    yield Row("scratch", "scratch")
+    for teacher in TEACHERS[task]:
+        for beta in BETAS[task]:
+            kick = sets(transfer__kickstart_coef=beta)
+            yield Row(f"kickstart from {teacher} β₀={beta}", "kickstart", teacher, kick)
+            for scale in ("teacher-batch", "student-batch", "none"):
+                for key, spread in SPREADS[task]:
+                    label = f"repaint from {teacher} β₀={beta} {scale} {key}={spread}"
+                    more = sets(select__scale=scale) + sets(**{f"transfer__{key}": spread})
+                    yield Row(label, "repaint", teacher, kick + more)
+
+
+TEACHERS = {"reacher": ("reacher-gentle", "reacher-away"), "racer-outer": ("racer-inner",)}
+BETAS = {"reacher": (0.2, 1.0), "racer-outer": (0.02, 0.2)}
+SPREADS = {
+    "reacher": (("teacher_min_std", 0), ("teacher_min_std", 0.4)),
+    "racer-outer": (("teacher_temperature", 1),),
+}
+PLANS = {
+    ("readme", "reacher"): ("0", "3", "20"),
+    ("readme", "racer-outer"): ("0", "3", "20"),
+    ("choose", "reacher"): ("100", "5", "30"),
+    ("choose", "racer-outer"): ("100", "2", "8"),
+}
+"""First seed, number of seeds, iterations."""
+
+
+def run(row: Row, task: str, plan: tuple[str, str, str], folder: Path) -> Path:
+    """Run a row, unless it has been run; return its folder."""
+    seed, seeds, iterations = plan
+    if not (folder / "seed-done").exists():
+        command = [
+            sys.executable, "-m", "repaint_cli", "transfer", "--task", task, "--method", row.method,
+            "--seed", seed, "--seeds", seeds, "--iterations", iterations, "--run", str(folder),
+            *(("--teacher", row.teacher) if row.teacher else ()), *row.options,
+        ]  # fmt: skip
+        one_thread = os.environ | {"OMP_NUM_THREADS": "1"}
+        subprocess.run(command, check=True, env=one_thread, stdout=subprocess.DEVNULL)
+        (folder / "seed-done").touch()
+    print(row.label, flush=True)
+    return folder
+
+
+def lines(label: str, folder: Path, target: float) -> Iterator[dict[str, object]]:
+    """Yield a line per seed: return and lap progress at the marks, area, iterations to target."""
+    found = read_run(folder)
+    returns, reached = found.returns, iterations_to(found.returns, target)
+    for s, seed in enumerate(found.record["seeds"]):
+        line: dict[str, object] = {"row": label, "seed": seed}
+        for k in (k for k in MARKS if k <= returns.shape[1]):
+            line[f"return_{k}"] = f"{returns[s, k - 1]:.4g}"
+            if found.progress is not None:
+                line[f"progress_{k}"] = f"{found.progress[s, k - 1]:.3g}"
+        line["area"] = f"{area_under_curve(returns)[s]:.4g}"
+        line["to_target"] = "" if np.isnan(reached[s]) else int(reached[s])
+        kept = found.rows["kept_fraction"][s]
+        line["kept"] = "" if np.isnan(kept).all() else f"{np.nanmean(kept):.3f}"
+        yield line
+
+
+def main() -> None:
+    """Run a table's rows and write it."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("table", choices=("readme", "choose"))
+    parser.add_argument("task", choices=sorted(TEACHERS))
+    parser.add_argument("--jobs", type=int, default=2)
+    chosen = parser.parse_args()
+    plan = PLANS[chosen.table, chosen.task]
+    rows = list((readme_rows if chosen.table == "readme" else choose_rows)(chosen.task))
+    root = Path("runs") / "methods" / f"{chosen.table}-{chosen.task}"
+    folders = [root / str(number) for number in range(len(rows))]
+    with ThreadPoolExecutor(chosen.jobs) as pool:
+        list(pool.map(lambda row, folder: run(row, chosen.task, plan, folder), rows, folders))
+    target = float(np.nanmax(read_run(folders[0]).returns.mean(0)))
+    pairs = zip(rows, folders, strict=True)
+    table = [line for row, folder in pairs for line in lines(row.label, folder, target)]
+    RESULTS.mkdir(exist_ok=True)
+    with (RESULTS / f"{chosen.table}-{chosen.task}.csv").open("w", encoding="utf-8") as file:
+        names = list(dict.fromkeys(name for line in table for name in line))
+        writer = csv.DictWriter(file, names, lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(table)
+
+
+if __name__ == "__main__":
+    main()

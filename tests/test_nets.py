@@ -1,0 +1,260 @@
+import gymnasium.spaces as gym_spaces
+import numpy as np
+import pytest
+import torch
+import torch.nn.functional as F  # noqa: N812
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from torch import nn
+from torch.testing import assert_close
+
+from repaint_cli.config import NetConfig
+from repaint_cli.errors import CardError
+from repaint_cli.nets import ActorCritic, Normalizer, Spaces, brightness
+
+VECTOR = Spaces((3,), 2, discrete=False)
+PICTURE = Spaces((24, 24, 1), 4, discrete=True)
+RACER = Spaces((120, 160, 1), 10, discrete=True)
+MLP = NetConfig(hidden=(8, 6))
+CNN = NetConfig(kind="cnn", conv=((4, 4, 2), (8, 3, 1)), dense=16)
+PAPER = NetConfig(kind="cnn")
+KINDS = pytest.mark.parametrize(("spaces", "net"), [(VECTOR, MLP), (PICTURE, CNN)], ids=str)
+
+
+def drawn(spaces, net, seeds=(0,)):
+    student = ActorCritic(spaces, net, len(seeds))
+    student.initialize([np.random.default_rng(seed) for seed in seeds])
+    return student
+
+
+def observations(spaces, n_seeds, n, seed=0):
+    rng = np.random.default_rng(seed)
+    shape = (n_seeds, n, *spaces.obs_shape)
+    if spaces.image:
+        return torch.from_numpy(rng.integers(0, 256, shape, dtype=np.uint8))
+    return torch.from_numpy(rng.normal(size=shape).astype(np.float32))
+
+
+def likelihoods(student, obs, counts=None):
+    policy = student.policy(obs, counts)
+    return policy.log_prob(policy.mode()) if student.spaces.image else policy.mean
+
+
+def test_spaces_are_read_from_gymnasium():
+    box = gym_spaces.Box(-1, 1, (3,))
+    assert Spaces.of(box, gym_spaces.Box(-1, 1, (2,))) == VECTOR
+    picture = gym_spaces.Box(0, 255, (24, 24, 1), np.uint8)
+    assert Spaces.of(picture, gym_spaces.Discrete(4)) == PICTURE
+    assert str(PICTURE) == "24×24×1 observations and 4 discrete actions"
+
+
+@pytest.mark.parametrize(
+    ("obs", "action"),
+    [
+        (gym_spaces.Discrete(3), gym_spaces.Discrete(4)),
+        (gym_spaces.Box(0, 1, (3, 3)), gym_spaces.Discrete(4)),
+        (gym_spaces.Box(0, 1, (3,)), gym_spaces.Discrete(4, start=1)),
+        (gym_spaces.Box(0, 1, (3,)), gym_spaces.Box(-1, 1, (2, 2))),
+        (gym_spaces.Box(0, 1, (3,)), gym_spaces.MultiBinary(4)),
+    ],
+)
+def test_other_spaces_are_refused(obs, action):
+    with pytest.raises(CardError, match="expected observations in a vector or an image"):
+        Spaces.of(obs, action)
+
+
+def test_a_network_of_the_wrong_kind_is_refused():
+    with pytest.raises(CardError, match=r"net.kind 'mlp' reads a vector, the task gives 24×24×1"):
+        ActorCritic(PICTURE, MLP, 1)
+    with pytest.raises(CardError, match=r"net.kind 'cnn' reads an image, the task gives 3 obs"):
+        ActorCritic(VECTOR, CNN, 1)
+
+
+def test_an_image_too_small_for_its_convolutions_is_refused():
+    with pytest.raises(CardError, match="layer 1 needs a larger image: 24×24×1 .* at net.pool 4"):
+        ActorCritic(PICTURE, NetConfig(kind="cnn", pool=4, conv=((4, 4, 2), (8, 3, 1))), 1)
+
+
+@KINDS
+def test_weights_are_views_of_the_rows_and_so_are_their_gradients(spaces, net):
+    student = drawn(spaces, net, seeds=(0, 1, 2))
+    student.storage.fill_(7.0)
+    student.gradients.fill_(9.0)
+    for weight in student.weights.values():
+        assert (weight == 7).all()
+        assert (weight.grad == 9).all()
+    assert sum(weight.numel() for weight in student.weights.values()) == student.storage.numel()
+
+
+@KINDS
+def test_the_first_part_of_a_row_is_the_policys_the_rest_the_critics(spaces, net):
+    student = drawn(spaces, net, seeds=(0, 1))
+    cut, obs = student.n_policy, observations(spaces, 2, 5)
+    likelihoods(student, obs).sum().backward()
+    assert student.gradients[:, :cut].any()
+    assert not student.gradients[:, cut:].any()
+    student.gradients.zero_()
+    student.value(obs).sum().backward()
+    assert not student.gradients[:, :cut].any()
+    assert student.gradients[:, cut:].any()
+
+
+@KINDS
+def test_a_seeds_output_and_gradient_are_its_own(spaces, net):
+    student, obs = drawn(spaces, net, seeds=(0, 1, 2)), observations(spaces, 3, 4)
+    before, values = likelihoods(student, obs), student.value(obs)
+    (likelihoods(student, obs)[1].sum() + student.value(obs)[1].sum()).backward()
+    assert [bool(row.any()) for row in student.gradients] == [False, True, False]
+    student.storage[1] += 1.0
+    assert torch.equal(likelihoods(student, obs)[[0, 2]], before[[0, 2]])
+    assert torch.equal(student.value(obs)[[0, 2]], values[[0, 2]])
+    assert not torch.equal(student.value(obs)[1], values[1])
+
+
+def test_dense_layers_are_those_of_torch():
+    student, obs = drawn(VECTOR, MLP, seeds=(0, 1)), observations(VECTOR, 2, 5)
+    for s in range(2):
+        layers = []
+        for name in ("value.0", "value.1", "value.head"):
+            weight, bias = (student.weights[f"{name}.{part}"][s] for part in ("weight", "bias"))
+            layer = nn.Linear(*weight.shape)
+            layer.weight.data, layer.bias.data = weight.data.T, bias.data
+            layers += [layer, nn.Tanh()]
+        assert_close(nn.Sequential(*layers[:-1])(obs[s])[:, 0], student.value(obs)[s])
+
+
+@pytest.mark.parametrize("shared", [False, True])
+def test_the_camera_network_is_torchs(shared):
+    student = drawn(PICTURE, CNN.model_copy(update={"shared": shared}), seeds=(0, 1))
+    obs, w = observations(PICTURE, 2, 5), student.weights
+    eyes = "policy" if shared else "value"
+    for s in range(2):
+        x = F.avg_pool2d(obs[s].permute(0, 3, 1, 2) / 255, 2)
+        for layer, stride in (("conv0", 2), ("conv1", 1)):
+            name = f"{eyes}.{layer}"
+            x = F.relu(F.conv2d(x, w[f"{name}.weight"][s], w[f"{name}.bias"][s], stride))
+        x = F.relu(x.flatten(1) @ w["value.dense.weight"][s] + w["value.dense.bias"][s])
+        expected = x @ w["value.head.weight"][s] + w["value.head.bias"][s]
+        assert_close(student.value(obs)[s], expected[:, 0])
+
+
+def test_shared_convolutions_belong_to_the_policy_and_move_both():
+    student = drawn(PICTURE, CNN.model_copy(update={"shared": True}))
+    assert not [name for name in student.weights if name.startswith("value.conv")]
+    obs = observations(PICTURE, 1, 3)
+    values, policy = student.value(obs), likelihoods(student, obs)
+    student.weights["policy.conv0.weight"].data += 0.1
+    assert not torch.equal(student.value(obs), values)
+    assert not torch.equal(likelihoods(student, obs), policy)
+
+
+def test_images_beyond_the_count_are_not_looked_at():
+    student, obs = drawn(PICTURE, CNN, seeds=(0, 1)), observations(PICTURE, 2, 4)
+    other = obs.clone()
+    other[0, 2:] = 255 - other[0, 2:]
+    for look in (student.value, lambda *args: student.policy(*args).log_probs):
+        assert torch.equal(look(obs, [2, 4]), look(other, [2, 4]))
+        assert_close(look(obs, [2, 4])[0, :2], look(obs)[0, :2])
+        assert_close(look(obs, [0, 4])[1], look(obs)[1])
+
+
+@pytest.mark.parametrize("pool", [1, 2, 3])
+@pytest.mark.parametrize("size", [(12, 18), (13, 19)], ids=["fits", "a rest is cut off"])
+def test_brightness_is_average_pooling(pool, size):
+    images = torch.randint(256, (3, *size, 2), dtype=torch.uint8)
+    expected = F.avg_pool2d(images.permute(0, 3, 1, 2) / 255, pool)
+    assert_close(brightness(images, pool), expected)
+
+
+def test_brightness_goes_from_0_to_1():
+    images = torch.tensor([0, 255], dtype=torch.uint8).reshape(2, 1, 1, 1).expand(2, 4, 4, 1)
+    assert_close(brightness(images, 2), torch.tensor([0.0, 1.0]).view(2, 1, 1, 1).expand(2, 1, 2, 2))
+
+
+@KINDS
+def test_layers_start_orthogonal_with_small_policy_heads(spaces, net):
+    student = drawn(spaces, net, seeds=(0, 1))
+    for name, weight in student.weights.items():
+        if not name.endswith("weight"):
+            assert not weight.any()
+            continue
+        gain = {"policy.head.weight": 0.01, "value.head.weight": 1.0}.get(name, 2**0.5)
+        for matrix in weight.detach().flatten(2):
+            rows = matrix if len(matrix) <= matrix.shape[1] else matrix.T
+            assert_close(rows @ rows.T, gain**2 * torch.eye(len(rows)), rtol=1e-4, atol=1e-6)
+
+
+@KINDS
+def test_a_seeds_first_parameters_do_not_depend_on_its_neighbours(spaces, net):
+    together, alone = drawn(spaces, net, seeds=(3, 1, 2)), drawn(spaces, net, seeds=(1,))
+    assert torch.equal(together.storage[1], alone.storage[0])
+    assert not torch.equal(together.storage[0], together.storage[1])
+
+
+@pytest.mark.parametrize(("pool", "millions"), [(2, 0.86), (1, 5.8)])
+def test_size_of_the_racers_networks(pool, millions):
+    student = ActorCritic(RACER, PAPER.model_copy(update={"pool": pool}), 1)
+    assert student.n_policy / 1e6 == pytest.approx(millions, rel=0.01)
+    assert student.storage.shape[1] == pytest.approx(2 * student.n_policy, rel=0.01)
+
+
+def test_a_fresh_policy_has_sigma_1_and_hardly_prefers_anything():
+    policy = drawn(VECTOR, MLP).policy(observations(VECTOR, 1, 50))
+    assert_close(policy.log_std, torch.zeros(1, 1, 2))
+    assert policy.mean.abs().max() < 0.05
+    odds = drawn(PICTURE, CNN).policy(observations(PICTURE, 1, 50)).log_probs.exp()
+    assert_close(odds, torch.full((1, 50, 4), 0.25), atol=0.01, rtol=0)
+
+
+chunks = st.lists(
+    st.integers(1, 9).flatmap(lambda n: arrays(np.float32, (n, 2), elements=st.floats(-9, 9, width=32))),
+    min_size=1,
+    max_size=5,
+)  # fmt: skip
+
+
+@given(chunks)
+def test_statistics_are_those_of_all_observations_so_far(chunks):
+    normalizer = Normalizer(2, 2)
+    for chunk in chunks:
+        normalizer.update(1, torch.from_numpy(chunk))
+    everything = torch.from_numpy(np.concatenate(chunks)).double()
+    assert_close(normalizer.mean[1], everything.mean(0))
+    assert_close(normalizer.var[1], everything.var(0, correction=0))
+    assert normalizer.count.tolist() == [0, len(everything)]
+    assert_close(normalizer.mean[0], torch.zeros(2, dtype=torch.float64))
+
+
+def test_statistics_of_numbers_far_from_zero_keep_their_spread():
+    normalizer = Normalizer(1, 1)
+    for _ in range(3):
+        normalizer.update(0, torch.tensor([[1e6 - 1], [1e6 + 1]]))
+    assert_close(normalizer.var[0], torch.ones(1, dtype=torch.float64))
+
+
+def test_normalised_is_centred_scaled_and_clipped_at_five():
+    normalizer = Normalizer(1, 1)
+    normalizer.update(0, torch.tensor([[1.0], [5.0]]))  # mean 3, std 2
+    found = normalizer.normalize(torch.tensor([[[3.0], [4.0], [-1.0], [99.0], [-99.0]]]))
+    assert_close(found, torch.tensor([[[0.0], [0.5], [-2.0], [5.0], [-5.0]]]))
+
+
+def test_a_number_that_hardly_varies_is_not_blown_up():
+    normalizer = Normalizer(1, 1)
+    normalizer.update(0, torch.full((9, 1), 2.0))
+    assert_close(normalizer.normalize(torch.tensor([[[2.01]]])), torch.tensor([[[0.1]]]))
+
+
+def test_before_the_first_update_observations_pass():
+    assert_close(Normalizer(1, 1).normalize(torch.tensor([[[0.7]]])), torch.tensor([[[0.7]]]))
+
+
+def test_loaded_statistics_are_used():
+    first, second = Normalizer(1, 2), Normalizer(1, 2)
+    first.update(0, torch.randn(20, 2) * 4 + 1)
+    second.load({"mean": first.mean, "var": first.var, "count": first.count})
+    obs = torch.randn(1, 5, 2)
+    assert torch.equal(second.normalize(obs), first.normalize(obs))
+    first.update(0, torch.randn(20, 2))
+    assert second.count.item() == 20
