@@ -66,29 +66,26 @@ def readme_rows(task: str) -> Iterator[Row]:
 
 
 def choose_rows(task: str) -> Iterator[Row]:
-    """Yield the candidates for a family's defaults."""
+    """Yield the candidates for a family's defaults: scales of ζ × β₀, and the teacher as trained."""
     yield Row("scratch", "scratch")
     for teacher in TEACHERS[task]:
         for beta in BETAS[task]:
             kick = sets(transfer__kickstart_coef=beta)
-            yield Row(f"kickstart from {teacher} β₀={beta}", "kickstart", teacher, kick)
+            yield Row(f"kickstart from {teacher}, β₀={beta}", "kickstart", teacher, kick)
             for scale in ("teacher-batch", "student-batch", "none"):
-                for key, spread in SPREADS[task]:
-                    label = f"repaint from {teacher} β₀={beta} {scale} {key}={spread}"
-                    more = sets(select__scale=scale) + sets(**{f"transfer__{key}": spread})
-                    yield Row(label, "repaint", teacher, kick + more)
+                label = f"repaint from {teacher}, β₀={beta}, {scale}"
+                yield Row(label, "repaint", teacher, kick + sets(select__scale=scale))
+        if task == "reacher":
+            sharp = sets(transfer__teacher_min_std=0, select__scale="teacher-batch")
+            yield Row(f"repaint from {teacher}, its σ as trained", "repaint", teacher, sharp)
 
 
 TEACHERS = {"reacher": ("reacher-gentle", "reacher-away"), "racer-outer": ("racer-inner",)}
 BETAS = {"reacher": (0.2, 1.0), "racer-outer": (0.02, 0.2)}
-SPREADS = {
-    "reacher": (("teacher_min_std", 0), ("teacher_min_std", 0.4)),
-    "racer-outer": (("teacher_temperature", 1),),
-}
 PLANS = {
     ("readme", "reacher"): ("0", "3", "20"),
     ("readme", "racer-outer"): ("0", "3", "20"),
-    ("choose", "reacher"): ("100", "5", "30"),
+    ("choose", "reacher"): ("100", "3", "25"),
     ("choose", "racer-outer"): ("100", "2", "8"),
 }
 """First seed, number of seeds, iterations."""

@@ -47,7 +47,6 @@ class Plan:
     seeds: list[int]
     folder: Path
     teacher: Path | None = None
-    tensorboard: bool = False
 
     @property
     def transfer(self) -> TransferConfig:

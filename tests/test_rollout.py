@@ -9,7 +9,7 @@ from torch.testing import assert_close
 
 from repaint_cli.distributions import Categorical, Gaussian
 from repaint_cli.errors import DivergedError
-from repaint_cli.learn.rollout import Rollout, collect, start
+from repaint_cli.learn.rollout import Frames, collect, start
 from repaint_cli.learn.seeding import Purpose
 
 NAN = float("nan")
@@ -42,14 +42,204 @@ def seen(rollout, s=0):
 
 def test_the_last_observation_of_an_episode_is_the_true_one():
     # 0 until an episode's last step, then 1; the step after it resets, whatever the action
-    obs = np.array([0.0, 0, 1, 0, 0, 0, 1, 0]).reshape(-1, 1, 1)
-    env, first = scripted(obs, np.ones((7, 1)), ends=[(1, 0), (5, 0)])
+    obs = np.array([0.0, 0, 1, 0, 0, 0, 1, 0, 0]).reshape(-1, 1, 1)
+    env, first = scripted(obs, np.ones((8, 1)), ends=[(1, 0), (5, 0)])
     rollout = collect(env, first, gaussian(), generators(1), n_steps=6)
-    assert rollout.valid[:, 0, 0].tolist() == [True, True, False, True, True, True, False][:7]
+    assert_array_equal(rollout.valid[:, 0, 0], [1, 1, 0, 1, 1, 1, 0, 1])
     followed = seen(rollout)[1:, 0, 0]
     assert_array_equal(followed[rollout.truncations[:, 0, 0]], [1, 1])
-    assert followed[rollout.valid[:, 0, 0]].tolist() == [0, 1, 0, 0, 1]
+    assert_array_equal(followed[rollout.valid[:, 0, 0]], [0, 1, 0, 0, 1, 0])
 
 
-def test_placeholder():
-    raise AssertionError
+def test_a_rollout_says_what_happened_where():
+    env, first = scripted(counting(3, 4), np.arange(12.0).reshape(3, 4), ends=[(0, 3)])
+    rollout = collect(env, first, gaussian(), generators(2), n_steps=5)
+    for s in range(2):
+        assert_allclose(seen(rollout, s)[0, :, 0], counting(3, 4)[0, 2 * s : 2 * s + 2, 0])
+    assert_array_equal(rollout.rewards[:, 1], [[2, 3], [6, 0], [10, 11]])  # a reset pays nothing
+    assert_array_equal(rollout.reward_terms[..., 0], rollout.rewards)
+    assert_array_equal(rollout.truncations[:, 1], [[0, 1], [0, 0], [0, 0]])
+    assert_array_equal(rollout.valid[:, 0], [[1, 1], [1, 1], [1, 0]])
+    assert_array_equal(rollout.valid[:, 1], [[1, 1], [1, 0], [1, 1]])
+
+
+@given(st.integers(1, 3), st.integers(1, 4), st.integers(1, 20), st.integers(0, 2**32 - 1))
+def test_every_seed_gets_exactly_n_steps_and_no_resetting_step(n_seeds, n_envs, n_steps, seed):
+    length, width = 2 * n_steps + 2, n_seeds * n_envs
+    ends = np.argwhere(np.random.default_rng(seed).random((length, width)) < 0.3)
+    ends = [(t, n) for t, n in ends.tolist() if [t - 1, n] not in ends.tolist()]
+    env, first = scripted(counting(length, width), np.ones((length, width)), ends)
+    rollout = collect(env, first, gaussian(), generators(n_seeds), n_steps=n_steps)
+    assert_array_equal(rollout.valid.sum((0, 2)), n_steps)
+    assert not (rollout.valid[1:] & rollout.truncations[:-1]).any()
+    for s in range(n_seeds):
+        there = counting(len(rollout.valid) - 1, width)[..., 0]
+        there = there[:, s * n_envs : (s + 1) * n_envs]
+        valid = rollout.valid[:, s]
+        assert_array_equal(seen(rollout, s)[:-1, :, 0][valid], there[valid])
+        assert_array_equal(seen(rollout, s)[1:, :, 0][valid], there[valid] + 100)
+
+
+def test_without_a_number_of_steps_every_environment_plays_one_episode():
+    ends = [(t, n) for t in range(9) for n, length in enumerate((3, 1, 2, 4)) if t >= length - 1]
+    env, first = scripted(counting(9, 4), np.ones((9, 4)), ends)
+    rollout = collect(env, first, gaussian(), generators(2))
+    assert_array_equal(rollout.valid.sum(0), [[3, 1], [2, 4]])
+    seeds, returns, lengths = rollout.episodes()
+    assert_array_equal(np.sort(lengths[seeds == 0]), [1, 3])
+    assert_array_equal(np.sort(lengths[seeds == 1]), [2, 4])
+    assert_array_equal(returns, lengths)
+
+
+def test_what_a_parked_environment_says_is_not_read():
+    obs, rewards = counting(4, 2), np.ones((4, 2))
+    obs[2:, 0], rewards[1:, 0] = NAN, NAN
+    env, first = scripted(obs, rewards, ends=[(0, 0), (3, 1)], terminated=True)
+    rollout = collect(env, first, gaussian(), generators(1))
+    assert_array_equal(rollout.valid[:, 0].sum(0), [1, 4])
+    assert rollout.frames.stores[0].isfinite().all()
+
+
+@pytest.mark.parametrize("bad", [NAN, np.inf])
+@pytest.mark.parametrize("n_steps", [8, None], ids=["steps", "episodes"])
+def test_an_observation_that_is_not_finite_is_named(bad, n_steps):
+    obs = counting(8, 4, width=3)
+    obs[2, 3, 1] = bad
+    env, first = scripted(obs, np.ones((8, 4)))
+    message = "a observation that is not, in environment 1 of seed number 1 at step 2"
+    with pytest.raises(DivergedError, match=message):
+        collect(env, first, gaussian(), generators(2), n_steps=n_steps)
+
+
+def test_an_episodes_last_observation_has_to_be_finite_too():
+    obs = counting(8, 1)
+    obs[2] = NAN
+    env, first = scripted(obs, np.ones((8, 1)), ends=[(1, 0)])
+    with pytest.raises(DivergedError, match="observation .* at step 2"):
+        collect(env, first, gaussian(), generators(1), n_steps=6)
+
+
+def test_a_reward_that_is_not_finite_is_named():
+    rewards = np.ones((8, 4))
+    rewards[5, 2] = NAN
+    env, first = scripted(counting(8, 4), rewards)
+    message = "a reward that is not, in environment 0 of seed number 1 at step 5"
+    with pytest.raises(DivergedError, match=message):
+        collect(env, first, gaussian(), generators(2), n_steps=16)
+
+
+def test_actions_are_clipped_for_the_environment_and_for_nobody_else():
+    env, first = scripted(counting(3, 2), np.ones((3, 2)))
+    policy = gaussian(mean=5.0, std=0.1)
+    rollout = collect(env, first, policy, generators(1), n_steps=6)
+    assert_array_equal(env.unwrapped.told, np.ones((3, 2, 1)))
+    assert (rollout.actions > 4).all()
+    actions = torch.from_numpy(rollout.actions[0])
+    expected = policy(actions, [2]).log_prob(actions)
+    assert_close(torch.from_numpy(rollout.behavior_log_probs[0]), expected)
+
+
+def test_discrete_actions_arrive_as_they_are():
+    def cycle(obs, counts):
+        return Categorical.from_logits(100.0 * torch.eye(3)[obs[..., 0].long() // 100 % 3])
+
+    env, first = scripted(counting(6, 2), np.ones((6, 2)), discrete=3)
+    collect(env, first, cycle, generators(1), n_steps=12)
+    assert_array_equal(env.unwrapped.told, np.repeat(np.arange(6) % 3, 2).reshape(6, 2))
+
+
+def test_greedy_takes_the_mode():
+    env, first = scripted(counting(3, 2), np.ones((3, 2)))
+    rollout = collect(env, first, gaussian(0.5), generators(1), n_steps=6, greedy=True)
+    assert_array_equal(rollout.actions, np.full((3, 1, 2, 1), 0.5))
+
+
+def test_noise_is_each_seeds_own_and_never_comes_again():
+    def actions(rngs):
+        env, first = scripted(counting(150, 2 * len(rngs)), np.ones((150, 2 * len(rngs))))
+        return collect(env, first, gaussian(), rngs, n_steps=300).actions
+
+    together, alone = actions(generators(3)), actions(generators(3)[1:2])
+    assert_array_equal(together[:, 1], alone[:, 0])
+    assert len(np.unique(together)) == together.size
+
+
+def test_what_was_asked_for_is_recorded():
+    env, first = scripted(counting(3, 2), np.arange(6.0).reshape(3, 2))
+    rollout = collect(env, first, gaussian(), generators(2), n_steps=3, record=("pay",))
+    assert_array_equal(rollout.records["pay"], np.arange(6.0).reshape(3, 2, 1))
+
+
+def test_images_are_stored_once_as_bytes_and_only_those_that_count_are_looked_at():
+    # image value 10·t + n; environment 0 ends at once, 1 after three steps, 2 and 3 after two
+    obs = np.uint8(10 * np.arange(7)[:, None] + np.arange(4))[..., None, None, None]
+    looked = []
+
+    def policy(obs, counts):
+        looked.append([obs[s, :n].flatten().tolist() for s, n in enumerate(counts)])
+        return Gaussian(obs.flatten(2).float() / 100, torch.full((2, 1, 1), -20.0))
+
+    ends = [(0, 0), (2, 1), (1, 2), (1, 3)]
+    env, first = scripted(obs, np.ones((6, 4)), ends)
+    rollout = collect(env, first, policy, generators(2))
+    assert looked == [[[0, 1], [2, 3]], [[11], [12, 13]], [[21], []]]
+    for t, actions in enumerate(np.array(env.unwrapped.told)[..., 0]):
+        valid = rollout.valid[t].flatten()
+        assert_allclose(actions[valid], obs[t, :, 0, 0, 0][valid] / 100, atol=1e-6)
+    first_store, second_store = rollout.frames.stores
+    assert first_store.dtype == torch.uint8
+    assert first_store.flatten().tolist() == [0, 1, 10, 11, 21, 31]
+    assert second_store.flatten().tolist() == [2, 3, 12, 13, 22, 23]
+
+
+def test_frames_are_taken_seed_by_seed():
+    for shape in ((), (2, 2, 1)):
+        stores = [torch.randn(n, 3, *shape) if not shape else torch.randn(n, *shape) for n in (4, 2)]
+        rows = torch.tensor([[3, 0, 3], [1, 1, 0]])
+        found = Frames(stores).take(rows)
+        for s in range(2):
+            assert torch.equal(found[s], stores[s][rows[s]])
+
+
+def test_only_episodes_that_ended_are_counted():
+    ends = [(1, 0), (3, 0), (2, 1)]
+    env, first = scripted(counting(6, 2), np.arange(12.0).reshape(6, 2), ends)
+    rollout = collect(env, first, gaussian(), generators(2), n_steps=4)
+    seeds, returns, lengths = rollout.episodes()
+    # 0 2 | reset | 6 | reset | 10 goes on, and 1 3 5 | reset | 9 goes on
+    assert sorted(zip(seeds, returns, lengths, strict=True)) == [(0, 2, 2), (0, 6, 1), (1, 9, 3)]
+
+
+def test_a_rollout_without_an_end_has_no_episodes():
+    env, first = scripted(counting(2, 1), np.ones((2, 1)))
+    parts = collect(env, first, gaussian(), generators(1), n_steps=2).episodes()
+    assert [len(part) for part in parts] == [0, 0, 0]
+
+
+def first_observations(seeds, purpose=Purpose.TRAIN, iteration=1, task=None):
+    env, obs = start(task or guess(), seeds, 8, purpose, iteration)
+    env.close()
+    return obs.reshape(len(seeds), 8, -1)
+
+
+def test_environments_start_where_seed_purpose_and_iteration_say():
+    first = first_observations([3, 4])
+    assert_array_equal(first, first_observations([3, 4]))
+    assert_array_equal(first[1:], first_observations([4]))
+    for other in (
+        first_observations([5, 6]),
+        first_observations([3, 4], Purpose.TEACHER),
+        first_observations([3, 4], iteration=2),
+        first[::-1],
+    ):
+        assert (first != other).any()
+
+
+def test_time_limits_truncate_and_steps_are_counted():
+    task = reach()
+    env, obs = start(task, [0, 1], 4, Purpose.TRAIN, 1)
+    rollout = collect(env, obs, gaussian(), generators(2), n_steps=72)
+    assert not rollout.terminations.any()
+    assert_array_equal(rollout.valid.sum((0, 2)), 72)
+    assert_array_equal(rollout.episodes()[2], 8)
+    assert len(rollout.episodes()[0]) == 16

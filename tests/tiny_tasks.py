@@ -130,7 +130,8 @@ class Script(VectorEnv):
         """obs (T+1, N, *O), rewards (T, N), ends: (t, n) of the steps that end an episode."""
         self.obs, self.rewards = np.asarray(obs), np.asarray(rewards, float)
         self.num_envs = self.rewards.shape[1]
-        self.single_observation_space = Box(-np.inf, np.inf, self.obs.shape[2:], self.obs.dtype)
+        bounds = (0, 255) if self.obs.dtype == np.uint8 else (-np.inf, np.inf)
+        self.single_observation_space = Box(*bounds, self.obs.shape[2:], self.obs.dtype)
         self.single_action_space = Discrete(discrete) if discrete else Box(-1.0, 1.0, (1,))
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self.action_space = batch_space(self.single_action_space, self.num_envs)

@@ -1,5 +1,6 @@
 """What training commands share: check names, train under a screen, draw, say what was written."""
 
+from contextlib import nullcontext
 from pathlib import Path
 
 from repaint_cli import zoo
@@ -8,6 +9,7 @@ from repaint_cli.config import METHODS
 from repaint_cli.errors import NotFound, StoreError
 from repaint_cli.history import read_run
 from repaint_cli.paths import user_zoo
+from repaint_cli.report.events import Events
 from repaint_cli.report.pictures import draw_run
 from repaint_cli.runs import Experiment, Plan, stamp
 
@@ -45,7 +47,7 @@ def find_teacher(name: str | None, method: str) -> Path | None:
     return zoo.find(name)
 
 
-def carry_out(plan: Plan, teacher: tuple[str, Path] | None = None) -> None:
+def carry_out(plan: Plan, tensorboard: bool, teacher: tuple[str, Path] | None = None) -> None:
     """Train as planned, then draw, write teachers and say what was written.
 
     Ctrl-C ends the training early; what was finished is drawn and named all the same, and the exit
@@ -53,14 +55,18 @@ def carry_out(plan: Plan, teacher: tuple[str, Path] | None = None) -> None:
 
     Args:
         plan: what to do.
+        tensorboard: whether to write events too.
         teacher: the name and the zoo under which to keep the best evaluated policy.
     """
     experiment = Experiment(plan)
+    events = Events(plan.folder / "tensorboard", plan.seeds) if tensorboard else nullcontext()
     interrupted = False
     try:
-        with Screen(experiment) as screen:
+        with Screen(experiment) as screen, events as watcher:
             for report in experiment.run():
                 screen.show(report)
+                if watcher:
+                    watcher.add(report)
     except KeyboardInterrupt:
         interrupted = True
         out.print(f"interrupted after iteration {experiment.learner.iteration}")

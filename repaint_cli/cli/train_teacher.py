@@ -34,5 +34,5 @@ def train_teacher(
     )
     name = new_teacher_name(name or card.name, replace)
     folder = new_folder(run, card.name, "scratch")
-    plan = Plan(card, "scratch", options.seed_list(seed, seeds), folder, tensorboard=tensorboard)
-    carry_out(plan, teacher=(name, user_zoo()))
+    plan = Plan(card, "scratch", options.seed_list(seed, seeds), folder)
+    carry_out(plan, tensorboard, teacher=(name, user_zoo()))

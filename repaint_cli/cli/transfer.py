@@ -51,5 +51,5 @@ def transfer(
     )  # fmt: skip
     path = find_teacher(teacher, method)
     folder = new_folder(run, card.name, f"{method}-{path.stem}" if path else method)
-    plan = Plan(card, method, options.seed_list(seed, seeds), folder, path, tensorboard)
-    carry_out(plan)
+    plan = Plan(card, method, options.seed_list(seed, seeds), folder, path)
+    carry_out(plan, tensorboard)

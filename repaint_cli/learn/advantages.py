@@ -83,7 +83,7 @@ def gae(
     `next_values` holds V of the state that truly followed, also where the environment was reset, so
     neither truncation nor the end of the rollout is a special case. Every array is (T, …).
     """
-    deltas = rewards + gamma * np.where(terminations, 0.0, next_values) - values
+    deltas: np.ndarray = rewards + gamma * np.where(terminations, 0.0, next_values) - values
     advantages, carry = np.empty_like(deltas), np.zeros_like(deltas[0])
     for t in reversed(range(len(deltas))):
         carry = deltas[t] + gamma * gae_lambda * np.where(ends[t], 0.0, carry)

@@ -205,7 +205,7 @@ def learn_on_policy(
             batch = samples.pick(positions, counts)
             target = None if teacher is None else teacher[_seats(positions)]
             loss, numbers = representation_loss(student, batch, target, beta, ppo)
-            if instances is not None and extra is not None and extra.shape[1]:
+            if instances is not None and extra is not None:
                 done = torch.tensor([[j], [j + 1]]).minimum(n_steps) * instances.counts // n_steps
                 share = instances.pick(*part(extra, done[0], done[1]))
                 ins_loss, _ = instance_loss(student, share, ppo)

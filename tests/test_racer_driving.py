@@ -1,0 +1,66 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from repaint_cli.envs.racer import STATUS, RacerVectorEnv, Track
+from repaint_cli.envs.racer.car import (
+    ACTIONS,
+    BODY,
+    CAR_PROFILES,
+    FRONT_OFFSET,
+    STEP_SECONDS,
+    drive_rows,
+)
+from repaint_cli.envs.racer.geometry import CENTRE_GAP, INNER_GAP, NDIST, OUTER_GAP, measure
+
+TRACKS = Path(__file__).parents[1] / "tasks" / "racer" / "tracks"
+
+
+class Planner:
+    """Looks eight steps ahead with each action held, and takes the best for a lane."""
+
+    def __init__(self, track, lane):
+        self.track, self.lane = track, lane
+        self.car = CAR_PROFILES["sim4"].constants()
+        self.before = np.zeros(2)
+
+    def __call__(self, infos):
+        x, y, yaw, speed, steering = (
+            infos[key][0] for key in ("x", "y", "heading", "speed", "steering")
+        )
+        base = x - FRONT_OFFSET * np.cos(yaw), y - FRONT_OFFSET * np.sin(yaw)
+        states = np.tile([*base, yaw, speed, steering], (10, 1))
+        before, rows = np.tile(self.before, (10, 1)), np.arange(10)
+        fronts, measures, scores = np.zeros((10, 2)), np.zeros((10, 6)), np.zeros(10)
+        track = self.track
+        rings = (track.centre, track.distances, track.inner, track.outer)
+        measure(rows, states, BODY, *rings, fronts, measures)
+        ndist = measures[:, NDIST].copy()
+        for _ in range(8):
+            drive_rows(rows, states, before, ACTIONS, self.car, STEP_SECONDS)
+            before = ACTIONS
+            measure(rows, states, BODY, *rings, fronts, measures)
+            lead = self.lane * (measures[:, OUTER_GAP] - measures[:, INNER_GAP])
+            scores += (lead > 0.03) - 5.0 * (measures[:, CENTRE_GAP] > 0.28)
+        scores += 100 * ((measures[:, NDIST] - ndist + 0.5) % 1 - 0.5)
+        best = int(scores.argmax())
+        self.before = ACTIONS[best]
+        return np.array([best])
+
+
+@pytest.mark.parametrize("lane", [1, -1])
+@pytest.mark.parametrize("name", ["reinvent-like", "wide-loop", "oval"])
+def test_shipped_tracks_can_be_lapped_in_either_lane(name, lane):
+    track = Track.from_waypoints(np.load(TRACKS / f"{name}.npy"), name)
+    env = RacerVectorEnv(track, 1)
+    _, infos = env.reset(options={"lap_fraction": np.zeros(1)})
+    planner, terminated, lanes = Planner(track, lane), [False], []
+    while not terminated[0]:
+        _, _, terminated, truncated, infos = env.step(planner(infos))
+        lanes.append(infos["lane"][0])
+        assert not truncated[0]
+    assert STATUS[int(infos["status"][0])] == "lap_complete"
+    assert infos["progress"][0] == 100
+    assert len(lanes) < 22 * track.length
+    assert np.mean(np.array(lanes) == lane) > 0.95

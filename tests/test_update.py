@@ -1,0 +1,441 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given
+from hypothesis import strategies as st
+from torch.testing import assert_close
+
+from repaint_cli.config import NetConfig, PPOConfig
+from repaint_cli.distributions import Gaussian
+from repaint_cli.errors import DivergedError
+from repaint_cli.learn import update
+from repaint_cli.learn.advantages import Samples
+from repaint_cli.learn.rollout import Frames
+from repaint_cli.learn.update import (
+    Means,
+    RowAdam,
+    instance_loss,
+    learn_from_instances,
+    learn_on_policy,
+    masked_mean,
+    part,
+    representation_loss,
+    shuffle,
+)
+from repaint_cli.nets import ActorCritic, Spaces
+
+PPO = PPOConfig(n_epochs=2, minibatch_size=4, learning_rate=1e-2, ent_coef=0.03, vf_coef=0.7)
+NAN = float("nan")
+
+
+def drawn(n_seeds=1):
+    student = ActorCritic(Spaces((3,), 2, discrete=False), NetConfig(hidden=(8,)), n_seeds)
+    student.initialize([np.random.default_rng(s) for s in range(n_seeds)])
+    return student
+
+
+def optimizer_of(student):
+    return RowAdam(student, PPO.learning_rate)
+
+
+def generators(n=1):
+    return [np.random.default_rng(s) for s in range(n)]
+
+
+def samples_of(*counts, seed=0):
+    """Samples of S seeds; observation i of each seed starts with the number i / 10."""
+    rng, longest = np.random.default_rng(seed), max(counts)
+
+    def draw(*shape):
+        return torch.from_numpy(rng.normal(size=(len(counts), longest, *shape)).astype(np.float32))
+
+    obs = draw(3)
+    obs[..., 0] = torch.arange(longest) / 10
+    return Samples(
+        frames=Frames(list(obs)),
+        rows=torch.arange(longest).repeat(len(counts), 1),
+        actions=draw(2),
+        behavior_log_probs=draw() / 5 - 3,
+        advantages=draw(),
+        returns=draw(),
+        rewards=draw(),
+        counts=torch.tensor(counts),
+    )
+
+
+def teacher_at(samples, seed=7):
+    torch.manual_seed(seed)
+    return Gaussian(torch.randn(*samples.rows.shape, 2), torch.randn(len(samples.rows), 1, 2) / 3)
+
+
+def everything(student, optimizer):
+    """Weights, moments and step counts, copied."""
+    state = {name: part.clone() for name, part in optimizer.state().items()}
+    return {"weights": student.storage.clone()} | state
+
+
+def spied(monkeypatch, name):
+    """Have every call of a loss note its batch of samples."""
+    batches, loss = [], getattr(update, name)
+
+    def spy(student, batch, *rest):
+        batches.append(batch)
+        return loss(student, batch, *rest)
+
+    monkeypatch.setattr(update, name, spy)
+    return batches
+
+
+def visited(batches, s):
+    """Which samples of a seed each batch held."""
+    return [batch.rows[s, : batch.counts[s]].tolist() for batch in batches]
+
+
+def test_masked_mean_by_hand():
+    numbers = torch.tensor([[1.0, 3.0, 5.0], [2.0, 4.0, 99.0], [99.0, 99.0, 99.0]])
+    found = masked_mean(numbers, torch.tensor([3, 2, 0]))
+    assert_close(found, torch.tensor([3.0, 3.0, 0.0]))
+    assert_close(masked_mean(torch.zeros(2, 0), torch.tensor([0, 0])), torch.zeros(2))
+
+
+def test_row_adam_is_adam():
+    student, twin = drawn(), drawn()
+    ours = optimizer_of(student)
+    theirs = torch.optim.Adam([*twin.weights.values()], PPO.learning_rate, eps=1e-5)
+    for seed in range(5):
+        obs = torch.from_numpy(np.random.default_rng(seed).normal(size=(1, 6, 3))).float()
+        for network in (student, twin):
+            network.gradients.zero_()
+            policy = network.policy(obs)
+            (policy.mean**2 + network.value(obs).unsqueeze(-1) + policy.log_std).sum().backward()
+        ours.step([True], [True])
+        theirs.step()
+    assert_close(student.storage, twin.storage)
+    assert not torch.equal(student.storage, drawn().storage)
+
+
+def test_what_is_left_out_of_a_step_does_not_move_nor_do_its_moments():
+    student = drawn(n_seeds=2)
+    optimizer, cut = optimizer_of(student), student.n_policy
+    student.gradients.fill_(1.0)
+    optimizer.step([True, True], [True, True])
+    before = everything(student, optimizer)
+    optimizer.step([False, True], [True, False])
+    after = everything(student, optimizer)
+    moved = after["weights"] != before["weights"]
+    assert not moved[0, :cut].any()
+    assert not moved[1, cut:].any()
+    assert moved[0, cut:].all()
+    assert moved[1, :cut].all()
+    for row, moves in enumerate([False, True, True, False]):
+        for name in ("step", "exp_avg", "exp_avg_sq"):
+            changed = not torch.equal(before[f"{row}.{name}"], after[f"{row}.{name}"])
+            assert changed == moves, (row, name)
+
+
+def test_a_row_that_waited_goes_on_as_if_it_had_not():
+    students = drawn(n_seeds=2), drawn(n_seeds=2)
+    for student, waits in zip(students, ([], [0, 0, 0]), strict=True):
+        optimizer = optimizer_of(student)
+        for gradient in (1.0, *waits, -0.3, 2.0):
+            student.gradients.fill_(gradient or 5.0)
+            optimizer.step([bool(gradient), True], [True, True])
+    cut = students[0].n_policy
+    assert torch.equal(students[0].storage[0, :cut], students[1].storage[0, :cut])
+
+
+def test_scale_scales_the_step_and_only_that_step():
+    moves = []
+    for scale in (1.0, 0.25):
+        student = drawn()
+        optimizer, before = optimizer_of(student), student.storage.clone()
+        student.gradients.fill_(1.0)
+        optimizer.step([True], [True], scale)
+        moves.append((student.storage - before).mean().item())
+        before = student.storage.clone()
+        optimizer.step([True], [True])
+        moves.append((student.storage - before).mean().item())
+    assert moves == pytest.approx([-1e-2, -1e-2, -0.25e-2, -1e-2], rel=1e-3)
+
+
+def test_a_loaded_optimiser_goes_on_where_the_saved_one_was():
+    student, twin = drawn(2), drawn(2)
+    first, second = optimizer_of(student), optimizer_of(twin)
+    student.gradients.normal_(generator=torch.manual_seed(0))
+    first.step([True, True], [True, False])
+    twin.storage.copy_(student.storage)
+    twin.gradients.copy_(student.gradients)
+    second.load({name: value.clone() for name, value in first.state().items()})
+    for optimizer in (first, second):
+        optimizer.step([True, True], [True, True])
+    assert torch.equal(student.storage, twin.storage)
+
+
+def test_means_are_each_seeds_own_over_the_steps_it_took():
+    means = Means()
+    means.add(torch.tensor([4, 2, 0]), {"loss": torch.tensor([1.0, 5.0, 9.0])})
+    means.add(torch.tensor([1, 0, 0]), {"loss": torch.tensor([2.0, 9.0, 9.0])})
+    np.testing.assert_array_equal(means.numpy()["loss"], [1.5, 5.0, NAN])
+
+
+@given(st.lists(st.integers(0, 12), min_size=1, max_size=4), st.integers(1, 5))
+def test_the_parts_of_an_order_are_each_seeds_samples_once(counts, size):
+    samples = samples_of(*counts) if max(counts) else None
+    if samples is None:
+        return
+    order = shuffle(samples, generators(len(counts)))
+    found = [[] for _ in counts]
+    for start in range(0, max(counts), size):
+        bounds = (samples.counts.clamp(max=start), samples.counts.clamp(max=start + size))
+        positions, taken = part(order, *bounds)
+        for s, n in enumerate(taken.tolist()):
+            found[s] += positions[s, :n].tolist()
+    assert [sorted(visits) for visits in found] == [list(range(n)) for n in counts]
+
+
+def test_a_seeds_order_is_its_generators():
+    samples = samples_of(9, 5, 9)
+    together = shuffle(samples, generators(3))
+    alone = shuffle(samples_of(5), generators(3)[1:2])
+    assert torch.equal(together[1, :5], alone[0])
+    assert not torch.equal(together[0], together[2])
+
+
+def test_every_epoch_visits_each_sample_once_in_each_seeds_own_minibatches(monkeypatch):
+    batches = spied(monkeypatch, "representation_loss")
+    student = drawn(n_seeds=3)
+    learn_on_policy(student, optimizer_of(student), samples_of(10, 4, 7), PPO, generators(3))
+    assert len(batches) == 6
+    for s, (n, sizes) in enumerate([(10, [4, 4, 2]), (4, [4, 0, 0]), (7, [4, 3, 0])]):
+        visits = visited(batches, s)
+        assert [len(rows) for rows in visits] == 2 * sizes
+        epochs = sum(visits[:3], []), sum(visits[3:], [])
+        assert [sorted(epoch) for epoch in epochs] == [list(range(n))] * 2
+        assert epochs[0] != epochs[1]
+
+
+def test_instances_are_visited_once_an_epoch_too(monkeypatch):
+    batches = spied(monkeypatch, "instance_loss")
+    student = drawn(n_seeds=2)
+    learn_from_instances(student, optimizer_of(student), samples_of(9, 2), PPO, generators(2))
+    assert len(batches) == 6
+    for s, n in enumerate((9, 2)):
+        visits = visited(batches, s)
+        for epoch in (visits[:3], visits[3:]):
+            assert sorted(sum(epoch, [])) == list(range(n))
+
+
+@pytest.mark.parametrize("kept", [(9, 2), (1, 3), (0, 5), (30, 0)])
+def test_a_joint_update_spreads_the_instances_evenly_over_the_minibatches(monkeypatch, kept):
+    own, taught = spied(monkeypatch, "representation_loss"), spied(monkeypatch, "instance_loss")
+    student, samples, instances = drawn(n_seeds=2), samples_of(12, 7), samples_of(*kept, seed=1)
+    rngs = generators(2)
+    learn_on_policy(student, optimizer_of(student), samples, PPO, rngs, instances=instances)
+    assert len(own) == len(taught) == 6
+    for s, steps in enumerate((3, 2)):
+        visits = visited(taught, s)
+        for epoch in (visits[:3], visits[3:]):
+            sizes = [len(rows) for rows in epoch]
+            assert sorted(sum(epoch, [])) == list(range(kept[s]))
+            assert max(sizes[:steps]) - min(sizes[:steps]) <= 1
+            assert not any(sizes[steps:])
+
+
+@pytest.mark.parametrize("beta", [0.0, 0.4])
+def test_representation_loss_by_hand(beta):
+    student, samples = drawn(n_seeds=2), samples_of(6, 6)
+    teacher = teacher_at(samples)
+    obs = samples.frames.take(samples.rows)
+    policy, values = student.policy(obs), student.value(obs)
+    ratio = (policy.log_prob(samples.actions) - samples.behavior_log_probs).exp()
+    surrogate = torch.minimum(
+        ratio * samples.advantages, ratio.clamp(0.8, 1.2) * samples.advantages
+    )
+    expected = (
+        -surrogate.mean(1)
+        + 0.7 * ((values - samples.returns) ** 2).mean(1)
+        - 0.03 * policy.entropy().squeeze(1)
+        + beta * teacher.cross_entropy(policy).mean(1)
+    )
+    loss, numbers = representation_loss(student, samples, teacher, beta, PPO)
+    assert_close(loss, expected)
+    assert_close(numbers["clip_fraction"], ((ratio - 1).abs() > 0.2).float().mean(1))
+    assert_close(numbers["approx_kl"], (ratio - 1 - ratio.log()).mean(1))
+    assert ("cross_entropy" in numbers) == (beta > 0)
+
+
+def test_instance_loss_is_the_surrogate_alone():
+    student, samples = drawn(), samples_of(6)
+    ppo = PPO.model_copy(update={"ent_coef": 0.0})
+    loss, numbers = instance_loss(student, samples, PPO)
+    _, others = representation_loss(student, samples, None, 0.0, ppo)
+    assert_close(loss, others["policy_loss"])
+    log_probs = student.policy(samples.frames.take(samples.rows)).log_prob(samples.actions)
+    assert_close(numbers["log_ratio"], (log_probs - samples.behavior_log_probs).mean(1))
+    loss.sum().backward()
+    assert student.gradients[:, : student.n_policy].any()
+    assert not student.gradients[:, student.n_policy :].any()
+
+
+def losses_and_gradients(samples):
+    student, numbers = drawn(n_seeds=2), []
+    teacher = teacher_at(samples)
+    for loss, _ in (
+        representation_loss(student, samples, teacher, 0.4, PPO),
+        instance_loss(student, samples, PPO),
+    ):
+        student.gradients.zero_()
+        loss.sum().backward()
+        numbers += [loss.detach(), student.gradients.clone()]
+    return numbers
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_a_seeds_padding_changes_neither_its_loss_nor_its_gradient(seed):
+    samples, garbage = samples_of(6, 4), samples_of(6, 6, seed=seed)
+    parts = {}
+    for name in ("rows", "actions", "behavior_log_probs", "advantages", "returns", "rewards"):
+        parts[name] = getattr(samples, name).clone()
+        parts[name][1, 4:] = getattr(garbage, name)[1, :2] * (1 if name == "rows" else 9)
+    other = replace(samples, **parts)
+    for one, two in zip(losses_and_gradients(samples), losses_and_gradients(other), strict=True):
+        assert torch.equal(one, two)
+
+
+def test_a_seed_without_instances_stays_while_its_neighbour_learns():
+    student = drawn(n_seeds=2)
+    optimizer, samples = optimizer_of(student), samples_of(5, 0)
+    learn_on_policy(student, optimizer, samples_of(4, 4), PPO, generators(2))
+    before = everything(student, optimizer)
+    numbers = learn_from_instances(student, optimizer, samples, PPO, generators(2))
+    after = everything(student, optimizer)
+    assert torch.equal(after["weights"][1], before["weights"][1])
+    assert not torch.equal(after["weights"][0], before["weights"][0])
+    assert torch.equal(after["1.exp_avg"], before["1.exp_avg"])
+    assert np.isnan(numbers["policy_loss"]).tolist() == [False, True]
+
+
+def test_instances_never_touch_the_critic():
+    student = drawn(n_seeds=2)
+    optimizer, cut = optimizer_of(student), student.n_policy
+    learn_on_policy(student, optimizer, samples_of(4, 4), PPO, generators(2))
+    before = everything(student, optimizer)
+    learn_from_instances(student, optimizer, samples_of(9, 5), PPO, generators(2))
+    after = everything(student, optimizer)
+    assert torch.equal(after["weights"][:, cut:], before["weights"][:, cut:])
+    assert (after["weights"][:, :cut] != before["weights"][:, :cut]).any(1).all()
+    for row in (2, 3):
+        for name in ("step", "exp_avg", "exp_avg_sq"):
+            assert torch.equal(after[f"{row}.{name}"], before[f"{row}.{name}"])
+
+
+def test_the_policy_step_does_not_depend_on_the_critics():
+    ends = []
+    for vf_coef in (0.1, 9.0):
+        student, ppo = drawn(), PPO.model_copy(update={"vf_coef": vf_coef})
+        learn_on_policy(student, optimizer_of(student), samples_of(8), ppo, generators())
+        ends.append(student.storage[:, : student.n_policy].clone())
+    assert torch.equal(*ends)
+
+
+def test_learning_makes_good_actions_likelier_and_the_critic_truer():
+    student, samples = drawn(), samples_of(32)
+    obs = samples.frames.take(samples.rows)
+    samples = replace(
+        samples, behavior_log_probs=student.policy(obs).log_prob(samples.actions).detach()
+    )
+
+    def measures():
+        gain = (student.policy(obs).log_prob(samples.actions) * samples.advantages).mean()
+        return gain.item(), ((student.value(obs) - samples.returns) ** 2).mean().item()
+
+    before = measures()
+    ppo = PPO.model_copy(update={"n_epochs": 20, "minibatch_size": 32})
+    learn_on_policy(student, optimizer_of(student), samples, ppo, generators())
+    after = measures()
+    assert after[0] > before[0]
+    assert after[1] < 0.95 * before[1]
+
+
+def test_kickstarting_comes_closer_to_the_teacher():
+    student, samples = drawn(), samples_of(32)
+    teacher = teacher_at(samples)
+    obs = samples.frames.take(samples.rows)
+    before = teacher.cross_entropy(student.policy(obs)).mean()
+    ppo = PPO.model_copy(update={"n_epochs": 20, "minibatch_size": 32})
+    optimizer = optimizer_of(student)
+    learn_on_policy(student, optimizer, samples, ppo, generators(), teacher=teacher, beta=5.0)
+    assert teacher.cross_entropy(student.policy(obs)).mean() < before - 0.1
+
+
+def test_each_sample_meets_the_teacher_at_its_own_observation(monkeypatch):
+    # the teacher's mean at sample i is i; whatever the order, row and mean belong together
+    samples = samples_of(9, 6)
+    means = samples.rows.float().unsqueeze(-1).expand(2, 9, 2)
+    pairs, loss = [], update.representation_loss
+
+    def spy(student, batch, teacher, *rest):
+        pairs.append((batch.rows.float(), teacher.mean[..., 0]))
+        return loss(student, batch, teacher, *rest)
+
+    monkeypatch.setattr(update, "representation_loss", spy)
+    student, teacher = drawn(2), Gaussian(means, torch.zeros(2, 1, 2))
+    optimizer = optimizer_of(student)
+    learn_on_policy(student, optimizer, samples, PPO, generators(2), teacher=teacher, beta=1.0)
+    assert len(pairs) == 6
+    for rows, mean in pairs:
+        assert torch.equal(rows, mean)
+
+
+def moved(samples, learn, **coefficients):
+    """How far one step moves the policy."""
+    student = drawn(len(samples.counts))
+    before, ppo = student.storage.clone(), PPO.model_copy(update={"n_epochs": 1})
+    rngs = generators(len(samples.counts))
+    learn(student, optimizer_of(student), samples, ppo, rngs, **coefficients)
+    return (student.storage - before)[:, : student.n_policy]
+
+
+def test_alpha_scales_the_learning_rate_of_an_iteration():
+    samples = samples_of(4)
+    for learn, name in ((learn_on_policy, "alpha_1"), (learn_from_instances, "alpha_2")):
+        whole, half = moved(samples, learn), moved(samples, learn, **{name: 0.5})
+        assert_close(half, whole / 2, rtol=1e-4, atol=1e-7)
+
+
+def test_alpha_weighs_the_two_losses_of_a_joint_update():
+    student, samples, instances = drawn(), samples_of(4), samples_of(4, seed=1)
+    own = representation_loss(student, samples, None, 0.0, PPO)[0]
+    taught = instance_loss(student, instances, PPO)[0]
+    student.gradients.zero_()
+    (0.3 * own + 2.0 * taught).sum().backward()
+    expected = student.gradients.clone()
+    ppo, optimizer = PPO.model_copy(update={"n_epochs": 1}), optimizer_of(student)
+    alphas = {"alpha_1": 0.3, "alpha_2": 2.0}
+    learn_on_policy(student, optimizer, samples, ppo, generators(), instances=instances, **alphas)
+    assert_close(student.gradients, expected)
+
+
+def test_what_a_seed_learns_jointly_does_not_depend_on_what_its_neighbour_kept():
+    ends = []
+    for kept in ((0, 0), (0, 5)):
+        student = drawn(2)
+        learn_on_policy(
+            student, optimizer_of(student), samples_of(6, 6), PPO, generators(2),
+            instances=samples_of(0, 5).keep(torch.arange(5) < torch.tensor(kept)[:, None]),
+            alpha_1=0.01,
+        )  # fmt: skip
+        ends.append(student.storage[0].clone())
+    assert torch.equal(*ends)
+
+
+@pytest.mark.parametrize("learn", [learn_on_policy, learn_from_instances])
+def test_a_loss_that_is_not_finite_names_its_seed_and_moves_nothing(learn):
+    student, samples = drawn(n_seeds=2), samples_of(4, 4)
+    samples.behavior_log_probs[1, 2] = NAN
+    before = student.storage.clone()
+    with pytest.raises(DivergedError, match="expected a finite loss, found nan for seed number 1"):
+        learn(student, optimizer_of(student), samples, PPO, generators(2))
+    assert torch.equal(student.storage, before)
