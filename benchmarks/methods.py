@@ -66,7 +66,7 @@ def readme_rows(task: str) -> Iterator[Row]:
 
 
 def choose_rows(task: str) -> Iterator[Row]:
-    """Yield the candidates for a family's defaults: scales of ζ × β₀, and the teacher as trained."""
+    """Yield the candidates for a family's defaults: scales of ζ × β₀; the teacher as trained."""
     yield Row("scratch", "scratch")
     for teacher in TEACHERS[task]:
         for beta in BETAS[task]:
@@ -81,7 +81,7 @@ def choose_rows(task: str) -> Iterator[Row]:
 
 
 TEACHERS = {"reacher": ("reacher-gentle", "reacher-away"), "racer-outer": ("racer-inner",)}
-BETAS = {"reacher": (0.2, 1.0), "racer-outer": (0.02, 0.2)}
+BETAS = {"reacher": (0.2, 1.0), "racer-outer": (0.2,)}
 PLANS = {
     ("readme", "reacher"): ("0", "3", "20"),
     ("readme", "racer-outer"): ("0", "3", "20"),
@@ -124,6 +124,30 @@ def lines(label: str, folder: Path, target: float) -> Iterator[dict[str, object]
         yield line
 
 
+def markdown(table: list[dict[str, object]]) -> Iterator[str]:
+    """Yield the table's lines for people: means over seeds, the area with its range."""
+    marks = [k for k in MARKS if f"return_{k}" in table[0]]
+    yield f"| | {' | '.join(f'k = {k}' for k in marks)} | area [range] | K to scratch's best |"
+    yield "|---" * (len(marks) + 3) + "|"
+    for label in dict.fromkeys(line["row"] for line in table):
+        mine = [line for line in table if line["row"] == label]
+        cells = []
+        for k in marks:
+            cell = f"{mean(mine, f'return_{k}'):.1f}"
+            if f"progress_{k}" in mine[0]:
+                cell += f" ({mean(mine, f'progress_{k}'):.0f} %)"
+            cells.append(cell)
+        areas = [float(str(line["area"])) for line in mine]
+        reached = ", ".join(str(line["to_target"] or "-") for line in mine)
+        span = f"{mean(mine, 'area'):.1f} [{min(areas):.1f}, {max(areas):.1f}]"
+        yield f"| {label} | {' | '.join(cells)} | {span} | {reached} |"
+
+
+def mean(lines: list[dict[str, object]], name: str) -> float:
+    """Return the mean of a column over some lines."""
+    return float(np.mean([float(str(line[name])) for line in lines]))
+
+
 def main() -> None:
     """Run a table's rows and write it."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -146,6 +170,7 @@ def main() -> None:
         writer = csv.DictWriter(file, names, lineterminator="\n")
         writer.writeheader()
         writer.writerows(table)
+    print("\n".join(markdown(table)))
 
 
 if __name__ == "__main__":

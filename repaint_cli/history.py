@@ -60,8 +60,9 @@ def read_run(folder: Path) -> Run:
         record = json.loads((folder / "run.json").read_text(encoding="utf-8"))
         task = TaskCard.parse(record["task"], str(folder / "run.json"))
         rows = _columns(folder / "metrics.csv", [str(seed) for seed in record["seeds"]])
-        if not {"method", "teacher"} <= record.keys():
-            raise KeyError("method")
+        for name, found in (("method", record), ("teacher", record), ("eval_return", rows)):
+            if name not in found:
+                raise KeyError(name)
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise CheckpointError(f"{folder} is damaged: {type(error).__name__}: {error}") from error
     return Run(folder, record, task, rows)

@@ -150,10 +150,8 @@ class ActorCritic:
         """Run the camera network seed by seed: grouped convolutions measured slower."""
         outs = []
         for s in range(self.n_seeds):
-            images = obs[s] if counts is None else obs[s, : counts[s]]
-            outs.append(
-                F.pad(out := self._camera(tower, s, images), (0, 0, 0, obs.shape[1] - len(out)))
-            )
+            out = self._camera(tower, s, obs[s] if counts is None else obs[s, : counts[s]])
+            outs.append(F.pad(out, (0, 0, 0, obs.shape[1] - len(out))))
         return torch.stack(outs)  # (S, B, heads)
 
     def _camera(self, tower: Tower, s: int, images: Tensor) -> Tensor:
@@ -165,10 +163,11 @@ class ActorCritic:
                 x, self.weights[f"{name}.weight"][s], self.weights[f"{name}.bias"][s], stride
             )
             x = torch.relu(x)
-        for name in (f"{tower}.dense", f"{tower}.head"):
-            x = torch.relu(x) if name.endswith("head") else x.flatten(1)
-            x = torch.addmm(self.weights[f"{name}.bias"][s], x, self.weights[f"{name}.weight"][s])
-        return x
+        x = torch.relu(self._dense_of(s, x.flatten(1), f"{tower}.dense"))
+        return self._dense_of(s, x, f"{tower}.head")
+
+    def _dense_of(self, s: int, x: Tensor, name: str) -> Tensor:
+        return torch.addmm(self.weights[f"{name}.bias"][s], x, self.weights[f"{name}.weight"][s])
 
 
 def brightness(images: Tensor, pool: int) -> Tensor:

@@ -34,6 +34,9 @@ COLUMNS = (
 )  # fmt: skip
 """Of metrics.csv, one row per iteration and seed."""
 
+CHECKPOINT = "checkpoint.safetensors"
+"""All that the learner is after the last finished iteration."""
+
 SCORE_EPISODES = {"gymnasium": 100, "racer": 20}
 """Episodes in a teacher's score, by simulator."""
 
@@ -109,15 +112,17 @@ class Experiment:
     """A run while it runs; `run` yields a report after every iteration."""
 
     def __init__(self, plan: Plan) -> None:
-        """Make the student, load the teacher, and claim the folder.
+        """Try the task, make the student, load the teacher, and only then claim the folder.
 
         Raises:
+            CardError: the task cannot be rolled out as its card says.
             TeacherMismatch: the teacher does not fit the task.
             CheckpointError: the teacher's file is damaged.
             StoreError: the folder exists or cannot be made.
         """
         self.plan, task = plan, plan.task
         spaces = spaces_of(task)
+        task.check_rollout()
         student = ActorCritic(spaces, task.net, len(plan.seeds))
         self.learner = Learner.fresh(student, plan.seeds, task.ppo.learning_rate)
         self.teacher: ActorCritic | None = None
@@ -133,8 +138,9 @@ class Experiment:
         self.teacher, self.teacher_card = zoo.load_teacher(path, len(self.plan.seeds))
         if METHODS[self.plan.method].warm_start:
             try:
-                leaves = checkpoint.policy_tensors(self.teacher)
-                checkpoint.load_policy(self.learner.student, leaves, "warm start")
+                leaves = checkpoint.policy_tensors(self.teacher, 0)
+                where = f"teacher '{self.teacher_card.name}'"
+                checkpoint.load_policy(self.learner.student, leaves, where)
             except CheckpointError as error:
                 raise TeacherMismatch(f"a warm start needs equal networks: {error}") from error
 
@@ -155,10 +161,10 @@ class Experiment:
         Whenever this stops, also by Ctrl-C, the last finished iteration is on disk.
         """
         started, state = perf_counter(), "interrupted"
-        learner, task = self.learner, self.plan.task
-        transfer = self.plan.transfer
+        learner = self.learner
+        task = self.plan.task.model_copy(update={"transfer": self.plan.transfer})
         try:
-            for stats in train(task, learner, self.teacher, transfer):
+            for stats in train(task, learner, self.teacher):
                 k = stats.iteration
                 played = evaluate(learner.student, task, learner.seeds, task.eval.episodes, k)
                 report = Report(stats, played, perf_counter() - started)
@@ -166,18 +172,18 @@ class Experiment:
                 yield report
             state = "finished"
         finally:
+            if self.reports and state != "finished":  # forget a half-done iteration
+                checkpoint.load_learner(self.plan.folder / CHECKPOINT, learner)
             self._write_record(state, seconds=round(perf_counter() - started, 1))
 
     def _record(self, report: Report) -> None:
-        self.reports.append(report)
         folder = self.plan.folder
-        checkpoint.save_learner(
-            folder / "checkpoint.safetensors", self.learner, {"task": self.plan.task.name}
-        )
+        checkpoint.save_learner(folder / CHECKPOINT, self.learner, {"task": self.plan.task.name})
         rows = [
             row | {"seed": seed} for row, seed in zip(report.rows, self.plan.seeds, strict=True)
         ]
         append_csv(folder / "metrics.csv", rows)
+        self.reports.append(report)
         means = report.evaluation.returns.mean(1)
         s = int(means.argmax())
         if self.best is None or means[s] > self.best.mean_return:
@@ -200,7 +206,7 @@ class Experiment:
             "task": plan.task.model_dump(mode="json"),
             "transfer": plan.transfer.model_dump(mode="json"),
             "versions": versions(),
-            "iterations": self.learner.iteration,
+            "iterations": len(self.reports),
         } | more
         write_text(plan.folder / "run.json", json.dumps(record, indent=2) + "\n")
 
@@ -257,11 +263,27 @@ def score(network: ActorCritic, task: TaskCard, seed: int) -> zoo.Score:
 
 
 def spaces_of(task: TaskCard) -> Spaces:
-    """Return what policies of a task read and write."""
+    """Return what policies of a task read and write.
+
+    Raises:
+        CardError: the task's environment cannot be made or lacks a reward term.
+    """
+    return try_out(task)[0]
+
+
+def try_out(task: TaskCard) -> tuple[Spaces, dict[str, float]]:
+    """Take a random first step in a task; return its spaces and the reward terms of the step.
+
+    Raises:
+        CardError: the task's environment cannot be made or lacks a reward term.
+    """
     env = task.make_env(1)
     spaces = Spaces.of(env.single_observation_space, env.single_action_space)
+    env.reset(seed=[0])
+    env.action_space.seed(0)
+    *_, info = env.step(env.action_space.sample())
     env.close()
-    return spaces
+    return spaces, dict(zip(env.names, info["reward_terms"][0].tolist(), strict=True))
 
 
 def append_csv(path: Path, rows: list[dict[str, Any]]) -> None:
@@ -274,11 +296,7 @@ def append_csv(path: Path, rows: list[dict[str, Any]]) -> None:
     csv.DictWriter(text, COLUMNS, lineterminator="\n").writerows(
         {name: _cell(value) for name, value in row.items()} for row in rows
     )
-    try:
-        with path.open("a", encoding="utf-8") as file:
-            file.write(text.getvalue())
-    except OSError as error:
-        raise StoreError(f"cannot write {path}: {error.strerror}") from error
+    write_text(path, path.read_text(encoding="utf-8") + text.getvalue())
 
 
 def _cell(value: Any) -> Any:

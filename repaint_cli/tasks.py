@@ -112,12 +112,12 @@ class TaskCard(Settings):
             where = "repaint tasks show " + self.name
             if section not in sections:
                 raise NotFound.named("section", section, sections, where)
-            if section not in ("reward", "env") and key not in data[section]:
+            if section != "reward" and key not in data[section]:
                 raise NotFound.named(
                     "setting", path, [f"{section}.{k}" for k in data[section]], where
                 )
             data[section][key] = _toml_value(value)
-        return TaskCard.parse(data, "--set " + " --set ".join(settings)) if settings else self
+        return TaskCard.parse(data, f"task '{self.name}'") if settings else self
 
     def make_env(
         self, n_envs: int, *, one_episode: bool = False, noise: bool = False
@@ -151,32 +151,36 @@ class TaskCard(Settings):
         return {"lap_fraction": [(first + n) * spacing % 1 for n in range(n_envs)] * n_seeds}
 
     def check_rollout(self) -> None:
-        """Check that every environment of a rollout counted in steps finishes an episode.
+        """Check that episodes end, and that every environment of a rollout finishes one.
 
         Raises:
-            CardError: it would not, and with fresh environments each iteration none would ever end.
+            CardError: an episode, or with fresh environments each iteration all of them, would not.
         """
-        if self.ppo.n_episodes or not self.ppo.n_steps:
-            return
         longest = self._longest_episode()
-        if longest and self.ppo.n_steps < self.ppo.n_envs * (longest + 1):
-            most = self.ppo.n_steps // (longest + 1)
+        ppo = self.ppo
+        if ppo.n_episodes is None and ppo.n_steps and ppo.n_steps < ppo.n_envs * (longest + 1):
+            most = ppo.n_steps // (longest + 1)
             raise CardError(
                 f"expected ppo.n_steps / ppo.n_envs of at least {longest + 1} (the longest "
-                f"episode + 1), found {self.ppo.n_steps} / {self.ppo.n_envs}; "
+                f"episode + 1), found {ppo.n_steps} / {ppo.n_envs}; "
                 f"try --set ppo.n_envs={max(most, 1)}"
             )
 
-    def _longest_episode(self) -> int | None:
+    def _longest_episode(self) -> int:
         if isinstance(self.env, RacerEnv):
             return self.env.max_steps
         import gymnasium
 
         try:
-            spec = gymnasium.spec(self.env.id)
+            limit = gymnasium.spec(self.env.id).max_episode_steps
         except gymnasium.error.Error as error:
             raise CardError(f"gymnasium has no environment '{self.env.id}': {error}") from error
-        return spec.max_episode_steps
+        if limit is None:
+            raise CardError(
+                f"'{self.env.id}' has no time limit, so an evaluation might never end; "
+                "register it with max_episode_steps"
+            )
+        return limit
 
 
 def _make_env(env: GymEnv | RacerEnv, n_envs: int, one_episode: bool, noise: bool) -> Any:
@@ -252,14 +256,15 @@ def _resolve(path: Path) -> dict[str, Any]:
     if base is None:
         return data
     known = shipped_tasks()
-    if base not in known or known[base] == path:
+    if not isinstance(base, str) or base not in known or known[base] == path:
         raise NotFound.named("task", str(base), known, "repaint tasks list")
     return _merge(_resolve(known[base]), data)
 
 
 def _merge(base: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
-    both = {k: _merge(base[k], v) for k, v in over.items() if isinstance(v, dict) and k in base}
-    return base | over | both
+    both = {k: (base[k], v) for k, v in over.items() if k in base}
+    parts = {k: _merge(*two) for k, two in both.items() if all(isinstance(v, dict) for v in two)}
+    return base | over | parts
 
 
 def _toml_value(text: str) -> Any:
@@ -271,7 +276,10 @@ def _toml_value(text: str) -> Any:
 
 def _first_problem(error: ValidationError) -> str:
     problem = error.errors()[0]
-    where = ".".join(str(part) for part in problem["loc"])
+    loc = [str(part) for part in problem["loc"]]
+    if loc[:1] == ["env"]:
+        del loc[1:2]  # the simulator, which pydantic names too
+    where = ".".join(loc)
     if problem["type"] == "extra_forbidden":
         return f"unknown key '{where}'"
     found = "" if problem["type"] == "missing" else f", found {problem['input']!r}"

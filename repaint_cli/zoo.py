@@ -1,6 +1,7 @@
 """The zoo: teachers in a local folder, one file each; the card stands in the file's own header."""
 
 import re
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -165,10 +166,18 @@ def check_fits(card: TeacherCard, task: TaskCard, spaces: "Spaces") -> None:
     """
     problem = misfit(card, task, spaces)
     if problem:
-        fit = [
-            name for name, path in teachers().items() if not misfit(read_card(path), task, spaces)
-        ]
-        raise TeacherMismatch(f"{problem}; teachers that fit: {', '.join(fit) or 'none yet'}")
+        fit = ", ".join(fitting(task, spaces)) or "none yet"
+        raise TeacherMismatch(f"{problem}; teachers that fit: {fit}")
+
+
+def fitting(task: TaskCard, spaces: "Spaces") -> list[str]:
+    """Return the names of the teachers that fit a task; damaged files fit none."""
+    names = []
+    for name, path in teachers().items():
+        with suppress(CheckpointError):
+            if not misfit(read_card(path), task, spaces):
+                names.append(name)
+    return names
 
 
 def misfit(card: TeacherCard, task: TaskCard, spaces: "Spaces") -> str | None:

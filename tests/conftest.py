@@ -1,5 +1,12 @@
+import sys
+from dataclasses import dataclass
+
+import pytest
 import torch
 from hypothesis import settings
+
+from repaint_cli.cli.app import main
+from repaint_cli.learn import update
 
 torch.set_num_threads(1)
 
@@ -10,3 +17,52 @@ settings.load_profile("repaint")
 def pytest_configure(config):
     # gradients are views into one buffer on purpose; pytest's filters replace the one nets.py sets
     config.addinivalue_line("filterwarnings", "ignore:grad and param do not obey the gradient")
+
+
+@pytest.fixture
+def batches_of(monkeypatch):
+    """Have every call of a loss, by name, note its batch of samples."""
+
+    def spy_on(name):
+        batches, loss = [], getattr(update, name)
+
+        def spy(student, batch, *rest):
+            batches.append(batch)
+            return loss(student, batch, *rest)
+
+        monkeypatch.setattr(update, name, spy)
+        return batches
+
+    return spy_on
+
+
+@pytest.fixture
+def home(tmp_path, monkeypatch):
+    """An empty folder to be in, with an empty zoo of the user's own."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("REPAINT_HOME", str(tmp_path / "home"))
+    return tmp_path
+
+
+@dataclass
+class Said:
+    code: int
+    out: str
+    err: str
+
+
+@pytest.fixture
+def repaint(home, monkeypatch, capsys):
+    """Type a command in an empty folder; get its exit code and what it printed."""
+
+    def type_in(*words):
+        monkeypatch.setattr(sys, "argv", ["repaint", *map(str, words)])
+        capsys.readouterr()
+        try:
+            main()
+            code = 0
+        except SystemExit as end:
+            code = end.code or 0
+        return Said(code, *capsys.readouterr())
+
+    return type_in

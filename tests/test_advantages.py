@@ -203,13 +203,19 @@ def test_a_network_sees_a_rollout_of_images_in_parts_and_says_the_same(monkeypat
     stores = [torch.from_numpy(rng.integers(0, 256, (n, 12, 12, 1), np.uint8)) for n in (11, 6)]
     rollout = rolled(np.zeros((6, 2, 1)), np.ones((5, 2, 1)), invalid=[(3, 1, 0), (4, 1, 0)])
     rollout = Rollout(**vars(rollout) | {"frames": Frames(stores)})
-    tables = []
+    tables, looked = [], []
+
+    def value(obs, counts):
+        looked.append(counts)
+        return student.value(obs, counts)
+
     for chunk in (512, 2):
         monkeypatch.setattr(module, "CHUNK", chunk)
-        samples = to_samples(rollout, student.value, 0.9, 0.9)
+        samples = to_samples(rollout, value, 0.9, 0.9)
         tables.append((samples, describe(student.policy, samples).log_probs))
     (whole, odds), (parts, same_odds) = tables
     assert whole.counts.tolist() == [5, 3]
+    assert looked == [[11, 6], *[[2, 2]] * 3, *[[2, 0]] * 2, [1, 0]]
     assert_close(parts.returns, whole.returns)
     assert_close(same_odds[whole.mask], odds[whole.mask])
     assert not odds.requires_grad

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from tiny_tasks import learner_of, reach
+from tiny_tasks import learner_of, reach, with_transfer
 
 from repaint_cli import checkpoint
 from repaint_cli.config import METHODS, TransferConfig
@@ -28,7 +28,7 @@ def learned(n_iterations, seeds=SEEDS, teacher=None, transfer=TRANSFER, **weight
     task = reach(n_iterations=n_iterations, **LONG, **weights)
     learner = learner_of(task, seeds)
     stats, returns = [], [evaluate(learner.student, task, seeds, 10).returns.mean(1)]
-    for stat in train(task, learner, teacher, transfer):
+    for stat in train(with_transfer(task, transfer), learner, teacher):
         stats.append(stat)
         returns.append(evaluate(learner.student, task, seeds, 10).returns.mean(1))
     return learner.student, stats, np.array(returns)
@@ -76,8 +76,7 @@ def test_a_good_teacher_saves_iterations(method, scratch, teacher):
     assert taught[2].mean() - alone[2].mean() > 0.5
 
 
-def test_instances_of_a_good_teacher_help_on_their_own(scratch, teacher):
-    _, _, alone = scratch
+def test_instances_of_a_good_teacher_help_on_their_own(teacher):
     transfer = METHODS["instance"].apply(TRANSFER)
     _, stats, taught = learned(2, teacher=teacher, transfer=transfer)
     assert [stat.phase for stat in stats] == ["ppo", "instance"]

@@ -3,7 +3,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 import torch
-from tiny_tasks import guess, learner_of, reach, spaces_of, stranger, trained
+from tiny_tasks import guess, learner_of, reach, spaces_of, stranger, trained, with_transfer
 from torch.testing import assert_close
 
 from repaint_cli.config import METHODS, TransferConfig
@@ -42,22 +42,10 @@ def stages(task, seeds=(0, 1), teacher=None, **transfer):
     """The learner at the start and after each iteration, and what was yielded."""
     learner = learner_of(task, seeds)
     states, stats = [whole(learner)], []
-    for stat in train(task, learner, teacher, TransferConfig(**transfer)):
+    for stat in train(with_transfer(task, TransferConfig(**transfer)), learner, teacher):
         states.append(whole(learner))
         stats.append(stat)
     return states, stats
-
-
-def spied(monkeypatch, name):
-    """Have every call of a loss note its batch of samples."""
-    batches, loss = [], getattr(update, name)
-
-    def spy(student, batch, *rest):
-        batches.append(batch)
-        return loss(student, batch, *rest)
-
-    monkeypatch.setattr(update, name, spy)
-    return batches
 
 
 @TASKS
@@ -109,10 +97,12 @@ def test_a_joint_update_that_kept_nothing_is_kickstart_bit_for_bit(make):
 def test_after_k_iterations_the_teacher_is_not_asked(joint):
     task, teacher = reach(n_iterations=4), stranger(reach())
     learner, phases = learner_of(task, [0]), []
-    for stat in train(task, learner, teacher, TransferConfig(iterations=2, joint=joint)):
+    for stat in train(
+        with_transfer(task, TransferConfig(iterations=2, joint=joint)), learner, teacher
+    ):
         phases.append(stat.phase)
         if stat.iteration == 2:
-            teacher.storage.fill_(float("nan"))
+            teacher.policy = None  # to be asked would be an error
             steps = learner.env_steps.copy()
     assert phases[2:] == ["ppo", "ppo"]
     assert learner.env_steps == steps + 2 * 72
@@ -189,13 +179,52 @@ def test_training_in_two_sittings_is_training_in_one(make):
     once, _ = trained(make(n_iterations=4), teacher=teacher)
     twice = learner_of(make(), [0])
     for n_iterations, expected in ((2, [1, 2]), (4, [3, 4])):
-        sitting = train(make(n_iterations=n_iterations), twice, teacher, transfer)
+        sitting = train(with_transfer(make(n_iterations=n_iterations), transfer), twice, teacher)
         assert [stat.iteration for stat in sitting] == expected
     assert same(whole(once), whole(twice))
 
 
-def test_the_first_ratio_is_one_and_advantages_have_mean_0_and_std_1(monkeypatch):
-    batches = spied(monkeypatch, "representation_loss")
+def test_a_joint_iteration_learns_from_what_it_kept(batches_of):
+    taught = batches_of("instance_loss")
+    task = reach(n_iterations=1, n_epochs=1, select=keeps(0.5))
+    learner, (stat,) = trained(task, teacher=stranger(task), joint=True)
+    assert sum(int(batch.counts) for batch in taught) == round(
+        72 * stat.numbers["kept_fraction"][0]
+    )
+    assert learner.env_steps == 2 * 72
+
+
+def test_alphas_scale_the_learning_rates_of_their_own_iterations_until_k():
+    task, scales = reach(n_iterations=4, n_epochs=1, minibatch_size=1000), []
+    learner = learner_of(task, [0])
+    step = learner.optimizer.step
+
+    def note(policies, critics, scale):
+        scales.append(scale)
+        step(policies, critics, scale)
+
+    learner.optimizer.step = note
+    list(
+        train(
+            with_transfer(task, TransferConfig(iterations=3, alpha_1=3, alpha_2=5)),
+            learner,
+            stranger(task),
+        )
+    )
+    assert scales == [3, 5, 3, 1]
+
+
+def test_every_iteration_draws_noise_and_orders_of_its_own(batches_of):
+    batches = batches_of("representation_loss")
+    trained(reach(n_epochs=1, minibatch_size=1000, learning_rate=1e-9))
+    first, second = (batch.rows[0] for batch in batches)
+    assert not torch.equal(first, second)
+    noise = [batch.actions[0, batch.rows[0].argsort()] for batch in batches]  # the means are ≈ 0
+    assert not torch.allclose(*noise, atol=0.1)
+
+
+def test_the_first_ratio_is_one_and_advantages_have_mean_0_and_std_1(batches_of):
+    batches = batches_of("representation_loss")
     task = reach(n_iterations=3, n_epochs=1, minibatch_size=1000, learning_rate=0.05)
     _, stats = trained(task, seeds=(0, 1))
     for stat, batch in zip(stats, batches, strict=True):
@@ -269,8 +298,8 @@ def test_what_was_kept_is_what_reaches_the_threshold():
     assert numbers["kept_reward"] == pytest.approx(raw.rewards[chosen].mean().item())
 
 
-def test_kept_advantages_stay_on_the_scale_they_were_judged_on(monkeypatch):
-    batches = spied(monkeypatch, "instance_loss")
+def test_kept_advantages_stay_on_the_scale_they_were_judged_on(batches_of):
+    batches = batches_of("instance_loss")
     task = reach(select=keeps(0.5), n_epochs=1, minibatch_size=1000)
     trained(task, teacher=stranger(task))
     (batch,) = batches
@@ -289,9 +318,9 @@ def test_the_students_batch_is_the_scale_where_the_card_says_so():
 
 def test_the_moments_remembered_are_those_of_the_students_last_own_batch():
     task = reach(n_iterations=2, select=keeps(EVERYTHING))
-    learner, remembered = learner_of(task, [0]), []
-    for _ in train(task, learner, stranger(task), TransferConfig()):
-        remembered.append(torch.cat(learner.last_moments))
+    learner = learner_of(task, [0])
+    training = train(with_transfer(task, TransferConfig()), learner, stranger(task))
+    remembered = [torch.cat(learner.last_moments) for _ in training]
     assert torch.equal(remembered[0], remembered[1])
     assert not torch.equal(remembered[0], torch.tensor([[0.0], [1.0]]))
 
@@ -320,7 +349,7 @@ def test_a_constant_critic_explains_nothing():
     task = guess(n_iterations=1, gamma=1e-6, gae_lambda=0.0, learning_rate=1e-12)
     learner = learner_of(task, [0])
     learner.student.weights["value.head.weight"].data.zero_()
-    (stat,) = train(task, learner, None, TransferConfig())
+    (stat,) = train(with_transfer(task, TransferConfig()), learner, None)
     assert stat.numbers["explained_variance"] == pytest.approx(0, abs=1e-4)
 
 
@@ -337,8 +366,8 @@ def test_teacher_episodes_are_a_number_of_their_own():
 
 def test_a_rollout_in_which_no_episode_can_end_is_refused():
     task = reach(n_steps=32, n_envs=4)
-    with pytest.raises(CardError, match="at least 9 .* found 32 / 4; try --set ppo.n_envs=3"):
-        next(train(task, learner_of(task, [0]), None, TransferConfig()))
+    with pytest.raises(CardError, match=r"at least 9 .* found 32 / 4; try --set ppo.n_envs=3"):
+        next(train(with_transfer(task, TransferConfig()), learner_of(task, [0]), None))
 
 
 def test_weights_that_are_not_finite_name_their_seed():
@@ -346,7 +375,7 @@ def test_weights_that_are_not_finite_name_their_seed():
     learner = learner_of(task, [4, 7])
     learner.optimizer.step = lambda *args: learner.student.storage[1].fill_(float("inf"))
     with pytest.raises(DivergedError, match="are not after iteration 1 of seed 7"):
-        next(train(task, learner, None, TransferConfig()))
+        next(train(with_transfer(task, TransferConfig()), learner, None))
 
 
 def test_spaces_are_those_of_the_card():

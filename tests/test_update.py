@@ -1,4 +1,5 @@
 from dataclasses import replace
+from itertools import chain
 
 import numpy as np
 import pytest
@@ -74,18 +75,6 @@ def everything(student, optimizer):
     """Weights, moments and step counts, copied."""
     state = {name: part.clone() for name, part in optimizer.state().items()}
     return {"weights": student.storage.clone()} | state
-
-
-def spied(monkeypatch, name):
-    """Have every call of a loss note its batch of samples."""
-    batches, loss = [], getattr(update, name)
-
-    def spy(student, batch, *rest):
-        batches.append(batch)
-        return loss(student, batch, *rest)
-
-    monkeypatch.setattr(update, name, spy)
-    return batches
 
 
 def visited(batches, s):
@@ -203,33 +192,33 @@ def test_a_seeds_order_is_its_generators():
     assert not torch.equal(together[0], together[2])
 
 
-def test_every_epoch_visits_each_sample_once_in_each_seeds_own_minibatches(monkeypatch):
-    batches = spied(monkeypatch, "representation_loss")
+def test_every_epoch_visits_each_sample_once_in_each_seeds_own_minibatches(batches_of):
+    batches = batches_of("representation_loss")
     student = drawn(n_seeds=3)
     learn_on_policy(student, optimizer_of(student), samples_of(10, 4, 7), PPO, generators(3))
     assert len(batches) == 6
     for s, (n, sizes) in enumerate([(10, [4, 4, 2]), (4, [4, 0, 0]), (7, [4, 3, 0])]):
         visits = visited(batches, s)
         assert [len(rows) for rows in visits] == 2 * sizes
-        epochs = sum(visits[:3], []), sum(visits[3:], [])
+        epochs = [*chain(*visits[:3])], [*chain(*visits[3:])]
         assert [sorted(epoch) for epoch in epochs] == [list(range(n))] * 2
         assert epochs[0] != epochs[1]
 
 
-def test_instances_are_visited_once_an_epoch_too(monkeypatch):
-    batches = spied(monkeypatch, "instance_loss")
+def test_instances_are_visited_once_an_epoch_too(batches_of):
+    batches = batches_of("instance_loss")
     student = drawn(n_seeds=2)
     learn_from_instances(student, optimizer_of(student), samples_of(9, 2), PPO, generators(2))
     assert len(batches) == 6
     for s, n in enumerate((9, 2)):
         visits = visited(batches, s)
         for epoch in (visits[:3], visits[3:]):
-            assert sorted(sum(epoch, [])) == list(range(n))
+            assert sorted(chain(*epoch)) == list(range(n))
 
 
 @pytest.mark.parametrize("kept", [(9, 2), (1, 3), (0, 5), (30, 0)])
-def test_a_joint_update_spreads_the_instances_evenly_over_the_minibatches(monkeypatch, kept):
-    own, taught = spied(monkeypatch, "representation_loss"), spied(monkeypatch, "instance_loss")
+def test_a_joint_update_spreads_the_instances_evenly_over_the_minibatches(batches_of, kept):
+    own, taught = batches_of("representation_loss"), batches_of("instance_loss")
     student, samples, instances = drawn(n_seeds=2), samples_of(12, 7), samples_of(*kept, seed=1)
     rngs = generators(2)
     learn_on_policy(student, optimizer_of(student), samples, PPO, rngs, instances=instances)
@@ -238,7 +227,7 @@ def test_a_joint_update_spreads_the_instances_evenly_over_the_minibatches(monkey
         visits = visited(taught, s)
         for epoch in (visits[:3], visits[3:]):
             sizes = [len(rows) for rows in epoch]
-            assert sorted(sum(epoch, [])) == list(range(kept[s]))
+            assert sorted(chain(*epoch)) == list(range(kept[s]))
             assert max(sizes[:steps]) - min(sizes[:steps]) <= 1
             assert not any(sizes[steps:])
 
@@ -263,7 +252,7 @@ def test_representation_loss_by_hand(beta):
     assert_close(loss, expected)
     assert_close(numbers["clip_fraction"], ((ratio - 1).abs() > 0.2).float().mean(1))
     assert_close(numbers["approx_kl"], (ratio - 1 - ratio.log()).mean(1))
-    assert ("cross_entropy" in numbers) == (beta > 0)
+    assert "cross_entropy" in numbers
 
 
 def test_instance_loss_is_the_surrogate_alone():
@@ -302,6 +291,19 @@ def test_a_seeds_padding_changes_neither_its_loss_nor_its_gradient(seed):
     other = replace(samples, **parts)
     for one, two in zip(losses_and_gradients(samples), losses_and_gradients(other), strict=True):
         assert torch.equal(one, two)
+
+
+def test_a_seed_with_fewer_samples_stops_earlier_and_ends_where_it_would_alone():
+    many, few = samples_of(12, 12), samples_of(12, 3)
+    ends = []
+    for samples in (many, few):
+        student = drawn(n_seeds=2)
+        optimizer = optimizer_of(student)
+        learn_on_policy(student, optimizer, samples, PPO, generators(2))
+        ends.append(everything(student, optimizer))
+    assert torch.equal(ends[0]["weights"][0], ends[1]["weights"][0])
+    steps = [[int(end[f"{row}.step"]) for row in range(4)] for end in ends]
+    assert steps == [[6, 6, 6, 6], [6, 2, 6, 2]]
 
 
 def test_a_seed_without_instances_stays_while_its_neighbour_learns():
@@ -416,6 +418,8 @@ def test_alpha_weighs_the_two_losses_of_a_joint_update():
     alphas = {"alpha_1": 0.3, "alpha_2": 2.0}
     learn_on_policy(student, optimizer, samples, ppo, generators(), instances=instances, **alphas)
     assert_close(student.gradients, expected)
+    step = PPO.learning_rate * expected / (expected.abs() + 1e-5)  # Adam's first, not scaled
+    assert_close(student.storage, drawn().storage - step)
 
 
 def test_what_a_seed_learns_jointly_does_not_depend_on_what_its_neighbour_kept():

@@ -14,6 +14,10 @@ from repaint_cli.nets import ActorCritic, Spaces
 from repaint_cli.tasks import TaskCard
 
 
+def with_transfer(task, transfer):
+    return task.model_copy(update={"transfer": transfer})
+
+
 class Reach(gymnasium.Env):
     """A point on a line goes to a target at −1 or +1 in steps of at most 0.3."""
 
@@ -27,7 +31,7 @@ class Reach(gymnasium.Env):
 
     def step(self, action):
         self.x += 0.3 * float(action[0])
-        terms = {"distance": -abs(self.x - self.target), "effort": -float(action[0]) ** 2}
+        terms = {"distance": -abs(self.x - self.target), "effort": -(float(action[0]) ** 2)}
         return np.array([self.x, self.target]), sum(terms.values()), False, False, terms
 
 
@@ -120,7 +124,7 @@ def trained(task, seeds=(0,), teacher=None, **transfer):
     """Train to the end; return the learner and what was yielded."""
     learner = learner_of(task, seeds)
     settings = TransferConfig(**transfer)
-    return learner, list(train(task, learner, teacher, settings))
+    return learner, list(train(with_transfer(task, settings), learner, teacher))
 
 
 class Script(VectorEnv):

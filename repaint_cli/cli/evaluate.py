@@ -29,4 +29,4 @@ def evaluate(
     from repaint_cli.cli.examine import examine, subject
 
     chosen = subject(what, task, Path("runs"))
-    examine(chosen, episodes, seed, video_episodes if render_offscreen else 0, render_offscreen)
+    examine(chosen, episodes, seed, video_episodes, render_offscreen)

@@ -7,9 +7,10 @@ from pathlib import Path
 from rich.table import Table
 
 from repaint_cli import checkpoint, zoo
+from repaint_cli.cli.options import customize, seed_list
 from repaint_cli.cli.screen import out
 from repaint_cli.cli.session import say_written
-from repaint_cli.errors import RenderError
+from repaint_cli.errors import CardError, RenderError, TeacherMismatch
 from repaint_cli.evaluate import Episodes, evaluate
 from repaint_cli.files import write_text
 from repaint_cli.history import newest_run, read_run
@@ -50,6 +51,11 @@ def subject(what: str | None, task: str | None, root: Path) -> Subject:
         run = read_run(folder)
         network = ActorCritic(spaces_of(run.task), run.task.net, len(run.record["seeds"]))
         checkpoint.load_networks(folder / "checkpoint.safetensors", network)
+        if card and spaces_of(card) != network.spaces:
+            raise TeacherMismatch(
+                f"the policies in {folder} have {network.spaces}, "
+                f"task '{card.name}' has {spaces_of(card)}"
+            )
         name = f"{run.task.name} · {run.label} · iteration {run.returns.shape[1]}"
         return Subject(name, network, run.record["seeds"], card or run.task, folder)
     path = zoo.find(str(what))
@@ -66,14 +72,15 @@ def examine(
     who: Subject, n_episodes: int | None, seed: int | None, n_filmed: int | None, render: bool
 ) -> None:
     """Evaluate, print a table, and write eval.json, eval-trajectories.png and perhaps video.mp4."""
-    n_episodes = n_episodes or who.task.eval.episodes
-    seeds = who.seeds if seed is None else [seed] * len(who.seeds)
+    if n_filmed is not None and n_filmed < 1:
+        raise CardError(f"expected --video-episodes of at least 1, found {n_filmed}")
     task = on_gymnasium(who.task) if render else who.task
+    n_episodes = customize(task, None, eval__episodes=n_episodes).eval.episodes
+    seeds = who.seeds if seed is None else seed_list(seed, 1) * len(who.seeds)
+    images = render and task.env.simulator == "racer"
     played = evaluate(
-        who.network, task, seeds, n_episodes, purpose=Purpose.SCORE, keep_images=render
-    ) if task.env.simulator == "racer" else evaluate(
-        who.network, task, seeds, n_episodes, purpose=Purpose.SCORE
-    )  # fmt: skip
+        who.network, task, seeds, n_episodes, purpose=Purpose.SCORE, keep_images=images
+    )
     out.print(table(who, played))
     written = [who.folder / "eval.json"]
     write_text(written[0], json.dumps(summary(who, played), indent=2) + "\n")

@@ -23,14 +23,16 @@ EvalEpisodes = Annotated[
 Set = Annotated[
     list[str] | None,
     typer.Option(
-        "--set", help="Any other setting, as section.key=value (repaint tasks show TASK)."
+        "--set",
+        metavar="<x.y=z>",
+        help="Any other setting, as section.key=value (repaint tasks show TASK).",
     ),
 ]
 RunFolder = Annotated[
     Path | None, typer.Option("--run", help="The run's folder; default: runs/TASK/METHOD-…")
 ]
 TensorBoard = Annotated[
-    bool, typer.Option(help="Also write TensorBoard events to the run's folder.")
+    bool, typer.Option("--tensorboard", help="Also write TensorBoard events to the run's folder.")
 ]
 
 
@@ -76,7 +78,7 @@ def parse_ratio(text: str | None) -> tuple[int | None, int | None]:
     if text is None:
         return None, None
     parts = text.split(":")
-    if len(parts) != 2 or not all(part.isdigit() for part in parts) or int(parts[0]) < 1:
+    if len(parts) != 2 or not all(part.isdecimal() for part in parts) or int(parts[0]) < 1:
         raise CardError(
             "expected --ratio R:I, R representation iterations (at least 1, someone must train the "
             f"critic) then I instance iterations, such as 1:1 or 2:1; found '{text}'"

@@ -7,11 +7,12 @@ from repaint_cli import zoo
 from repaint_cli.cli.screen import Screen, out
 from repaint_cli.config import METHODS
 from repaint_cli.errors import NotFound, StoreError
+from repaint_cli.files import check_writable
 from repaint_cli.history import read_run
 from repaint_cli.paths import user_zoo
 from repaint_cli.report.events import Events
 from repaint_cli.report.pictures import draw_run
-from repaint_cli.runs import Experiment, Plan, stamp
+from repaint_cli.runs import CHECKPOINT, Experiment, Plan, stamp
 
 
 def new_folder(run: Path | None, task: str, what: str) -> Path:
@@ -31,6 +32,7 @@ def new_teacher_name(name: str, replace: bool) -> str:
         raise StoreError(
             f"your zoo has a teacher '{name}' already; give another --name, or --replace it"
         )
+    check_writable(path.parent)  # better now than after an hour of training
     return name
 
 
@@ -69,10 +71,10 @@ def carry_out(plan: Plan, tensorboard: bool, teacher: tuple[str, Path] | None = 
                     watcher.add(report)
     except KeyboardInterrupt:
         interrupted = True
-        out.print(f"interrupted after iteration {experiment.learner.iteration}")
+        out.print(f"interrupted after iteration {len(experiment.reports)}")
         if not experiment.reports:
             raise
-    written = [plan.folder / name for name in ("run.json", "metrics.csv", "checkpoint.safetensors")]
+    written = [plan.folder / name for name in ("run.json", "metrics.csv", CHECKPOINT)]
     written += experiment.policies()
     written += draw_run(read_run(plan.folder), experiment.reports)
     following = f"repaint eval {plan.folder} --render-offscreen"

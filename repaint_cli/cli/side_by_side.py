@@ -17,12 +17,16 @@ MARKS = (1, 5, 10, 20)
 
 
 def read_runs(folders: Sequence[Path]) -> dict[str, Run]:
-    """Read runs of one task by labels that tell them apart; other folders are passed over.
+    """Read runs of one task by labels that tell them apart.
+
+    Other folders, and runs without a finished iteration, are passed over.
 
     Raises:
+        NotFound: there is no such folder.
         CardError: they are of several tasks, or there is none.
     """
-    read = [read_run(folder) for folder in folders if (folder / "run.json").is_file()]
+    read = [read_run(f) for f in folders if (f / "run.json").is_file() or not f.is_dir()]
+    read = [run for run in read if run.returns.size]
     tasks = sorted({run.task.name for run in read})
     if len(tasks) != 1:
         raise CardError(f"expected runs of one task, found {', '.join(tasks) or 'no run'}")
@@ -33,7 +37,7 @@ def read_runs(folders: Sequence[Path]) -> dict[str, Run]:
 def rows(runs: dict[str, Run]) -> list[dict[str, object]]:
     """Return each run's numbers; the target is the best mean return of the first scratch run."""
     scratch = [run for run in runs.values() if run.method == "scratch"]
-    target = float(np.nanmax(scratch[0].returns.mean(0))) if scratch else float("nan")
+    target = float(np.nanmax(scratch[0].returns.mean(0))) if scratch else None
     found = []
     for label, run in runs.items():
         returns = run.returns
@@ -42,7 +46,7 @@ def rows(runs: dict[str, Run]) -> list[dict[str, object]]:
         if run.progress is not None:
             row |= {f"progress k={k}": _at(run.progress, k) for k in MARKS}
         area = area_under_curve(returns)
-        reached = iterations_to(returns, target)
+        reached = iterations_to(returns, np.nan if target is None else target)
         found.append(
             row
             | {"area": float(area.mean()), "area_spread": float(np.ptp(area))}
@@ -97,5 +101,6 @@ def print_comparison(runs: dict[str, Run], as_json: bool) -> None:
     target = found[0]["target"]
     out.print(
         "k: mean evaluation return after iteration k (lap progress); area: mean of the return over "
-        f"iterations; to target: each seed's first iteration at scratch's best mean, {target:.4g}"
+        "iterations; to target: each seed's first iteration at scratch's best mean, "
+        + ("unknown without a scratch run" if target is None else f"{target:.4g}")
     )

@@ -1,5 +1,7 @@
 """`repaint tasks list | show | copy | check`."""
 
+import json
+import re
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -59,18 +61,12 @@ def copy(
 @tasks.command()
 def check(name: Name) -> None:
     """Check a card: its settings, its environment, its reward terms, one random step."""
-    from repaint_cli.runs import spaces_of
+    from repaint_cli.runs import try_out
 
     card = read_task(name)
+    spaces, paid = try_out(card)
     card.check_rollout()
-    spaces = spaces_of(card)
-    env = card.make_env(1)
-    env.reset(seed=[0])
-    env.action_space.seed(0)
-    *_, info = env.step(env.action_space.sample())
-    terms = ", ".join(
-        f"{t} {value:.4g}" for t, value in zip(env.names, info["reward_terms"][0], strict=True)
-    )
+    terms = ", ".join(f"{term} {value:.4g}" for term, value in paid.items())
     print(f"{card.name} is sound: {spaces}; reward terms of a random first step: {terms}")
 
 
@@ -80,17 +76,17 @@ def to_toml(card: TaskCard) -> str:
     top = [f"{key} = {_value(value)}" for key, value in data.items() if not isinstance(value, dict)]
     for section, settings in data.items():
         if isinstance(settings, dict):
-            top += ["", f"[{section}]"] + [f"{k} = {_value(v)}" for k, v in settings.items()]
+            top += ["", f"[{section}]"] + [f"{_key(k)} = {_value(v)}" for k, v in settings.items()]
     return "\n".join(top) + "\n"
 
 
+def _key(name: str) -> str:
+    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else _value(name)
+
+
 def _value(value: Any) -> str:
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, str):
-        return '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"'
     if isinstance(value, dict):
-        return "{ " + ", ".join(f"{k} = {_value(v)}" for k, v in value.items()) + " }"
+        return "{ " + ", ".join(f"{_key(k)} = {_value(v)}" for k, v in value.items()) + " }"
     if isinstance(value, tuple | list):
         return "[" + ", ".join(_value(part) for part in value) + "]"
-    return str(value)
+    return json.dumps(value, ensure_ascii=False)  # JSON's words, numbers and texts are TOML's too

@@ -13,7 +13,7 @@ def train_teacher(
         str | None, typer.Option(help="The teacher's name; default: the task's.")
     ] = None,
     replace: Annotated[
-        bool, typer.Option(help="Replace a teacher of this name in your zoo.")
+        bool, typer.Option("--replace", help="Replace a teacher of this name in your zoo.")
     ] = False,
     iterations: options.Iterations = None,
     seeds: options.Seeds = 1,

@@ -7,7 +7,7 @@ import typer
 from repaint_cli.cli import options
 from repaint_cli.config import METHODS
 
-METHOD_HELP = "; ".join(f"{name}: {method.summary}" for name, method in METHODS.items())
+METHOD_HELP = "; ".join(f"{name}: {method.summary}" for name, method in METHODS.items()) + "."
 
 
 def transfer(

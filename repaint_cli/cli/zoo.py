@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from repaint_cli.errors import CheckpointError
+from repaint_cli.paths import user_zoo
 from repaint_cli.zoo import find, read_card, teachers
 
 zoo = typer.Typer(no_args_is_help=True, help="List, show and verify teachers.")
@@ -20,24 +21,29 @@ def list_teachers(
     from rich.console import Console
     from rich.table import Table
 
-    table = Table("teacher", "task", "score [95 % CI]", "steps", "where", box=None)
-    chosen = _fitting(fits) if fits else teachers()
-    for name, path in chosen.items():
-        card = read_card(path)
+    table = Table("teacher", "task", "score [95 % CI]", "steps", "whose", box=None)
+    chosen = _fitting(fits) if fits else list(teachers())
+    for name in chosen:
+        path = find(name)
+        whose = "yours" if path.parent == user_zoo() else "shipped"
+        try:
+            card = read_card(path)
+        except CheckpointError:
+            table.add_row(name, "damaged", "-", "-", whose)
+            continue
         score = card.score
         text = f"{score.mean:.4g} [{score.low:.4g}, {score.high:.4g}]" if score else "-"
-        table.add_row(name, card.task.name, text, f"{card.env_steps:,}", str(path.parent))
+        table.add_row(name, card.task.name, text, f"{card.env_steps:,}", whose)
     Console(soft_wrap=True).print(table)
 
 
-def _fitting(task: str):  # type: ignore[no-untyped-def]
+def _fitting(task: str) -> list[str]:
     from repaint_cli.runs import spaces_of
     from repaint_cli.tasks import read_task
-    from repaint_cli.zoo import misfit
+    from repaint_cli.zoo import fitting
 
     card = read_task(task)
-    spaces = spaces_of(card)
-    return {n: path for n, path in teachers().items() if not misfit(read_card(path), card, spaces)}
+    return fitting(card, spaces_of(card))
 
 
 @zoo.command()

@@ -18,6 +18,10 @@ Value = Callable[[Tensor, Sequence[int]], Tensor]
 """Maps observations (S, B, *O), of which the first counts[s] are real, to V, (S, B)."""
 
 
+PER_SAMPLE = ("rows", "actions", "behavior_log_probs", "advantages", "returns", "rewards")
+"""The fields of `Samples` with an entry per sample."""
+
+
 @dataclass(frozen=True)
 class Samples:
     """Transitions without order, ready for minibatches; each seed's first counts[s] are real."""
@@ -40,7 +44,7 @@ class Samples:
     """How many are real, (S,) int64."""
 
     def __post_init__(self) -> None:
-        for name in ("actions", "behavior_log_probs", "advantages", "returns", "rewards"):
+        for name in PER_SAMPLE:
             shape = tuple(getattr(self, name).shape[:2])
             if shape != tuple(self.rows.shape):
                 raise ValueError(f"{name} is {shape}, rows are {tuple(self.rows.shape)}")
@@ -53,8 +57,7 @@ class Samples:
     def pick(self, positions: Tensor, counts: Tensor) -> "Samples":
         """Return the samples at positions (S, K), of which each seed's first counts[s] are real."""
         seeds = torch.arange(len(positions)).unsqueeze(1)
-        names = ("rows", "actions", "behavior_log_probs", "advantages", "returns", "rewards")
-        parts = {name: getattr(self, name)[seeds, positions] for name in names}
+        parts = {name: getattr(self, name)[seeds, positions] for name in PER_SAMPLE}
         return Samples(frames=self.frames, counts=counts, **parts)
 
     def keep(self, kept: Tensor) -> "Samples":
@@ -103,7 +106,7 @@ def to_samples(rollout: Rollout, value: Value, gamma: float, gae_lambda: float) 
     n_seeds = rollout.valid.shape[1]
     values = _values(rollout, value)  # (T+1, S, N)
     followed = np.concatenate([rollout.valid[1:], np.zeros_like(rollout.valid[:1])])
-    ends = rollout.terminations | rollout.truncations | ~followed
+    ends = ~followed  # after an episode's last step comes a reset, which is not valid
     advantages = gae(
         rollout.rewards, values[:-1], values[1:], rollout.terminations, ends, gamma, gae_lambda
     )

@@ -34,4 +34,4 @@ def squared_error(values: Tensor, returns: Tensor) -> Tensor:
 def approx_kl(log_probs: Tensor, behavior_log_probs: Tensor) -> Tensor:
     """An unbiased, never negative estimate of KL(μ‖π_θ): ρ − 1 − log ρ (Schulman 2020, k3)."""
     log_ratio = log_probs - behavior_log_probs
-    return torch.exp(log_ratio) - 1 - log_ratio
+    return torch.expm1(log_ratio) - log_ratio

@@ -127,15 +127,16 @@ def collect(
     tape = _Tape(shape, record)
     noise = _Noise(rngs, shape[1])
     taken = np.zeros(shape[0], int)
-    running, resetting, before = np.ones(shape, bool), np.zeros(shape, bool), np.zeros(shape, bool)
+    running, resetting, acted = np.ones(shape, bool), np.zeros(shape, bool), np.zeros(shape, bool)
     while True:
         valid = running & ~resetting
-        if n_steps is not None:  # the last environments of the last step may be too many
+        if n_steps is not None:  # no more than the seed still needs
             valid &= valid.cumsum(1) + taken[:, None] <= n_steps
-        obs = obs.reshape(*shape, *obs.shape[-len(env.single_observation_space.shape or ()) :])
-        _check_finite(obs, valid | before, "observation", len(tape.valid))
-        tape.observe(obs, valid | before)
-        if not running.any() if n_steps is None else (taken >= n_steps).all():
+        obs = obs.reshape(*shape, *obs.shape[1:])
+        _check_finite(obs, valid | acted, "an observation", len(tape.valid))
+        tape.observe(obs, valid | acted)
+        enough = not running.any() if n_steps is None else bool((taken >= n_steps).all())
+        if enough:
             return tape.rollout()
         with torch.no_grad():
             actions, log_probs = _act(policy, obs, valid, noise, greedy)
@@ -143,10 +144,10 @@ def collect(
         rewards, terminated, truncated = (
             x.reshape(shape) for x in (rewards, terminated, truncated)
         )
-        _check_finite(rewards[..., None], valid, "reward", len(tape.valid))
+        _check_finite(rewards[..., None], valid, "a reward", len(tape.valid))
         tape.act(valid, actions, log_probs, rewards, terminated, truncated, info)
         taken += valid.sum(1)
-        resetting, before = terminated | truncated, valid
+        resetting, acted = terminated | truncated, valid
         if n_steps is None:
             running, resetting = running & ~resetting, np.zeros(shape, bool)
 
@@ -184,7 +185,7 @@ def _check_finite(numbers: np.ndarray, mask: np.ndarray, what: str, t: int) -> N
     if numbers.dtype.kind == "f" and not np.isfinite(numbers[mask]).all():
         s, n = np.argwhere(mask & ~np.isfinite(numbers).all(-1))[0]
         raise DivergedError(
-            f"expected finite numbers from the environment, found a {what} that is not, "
+            f"expected finite numbers from the environment, found {what} that is not, "
             f"in environment {n} of seed number {s} at step {t} of the rollout"
         )
 

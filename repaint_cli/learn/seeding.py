@@ -20,7 +20,6 @@ class Purpose(IntEnum):
     ACT = 4
     ACT_AS_TEACHER = 5
     SHUFFLE = 6
-    SHUFFLE_TEACHER = 7
     SCORE = 8
 
 

@@ -7,7 +7,7 @@ from time import perf_counter
 import numpy as np
 import torch
 
-from repaint_cli.config import TransferConfig
+from repaint_cli.config import PPOConfig, TransferConfig
 from repaint_cli.errors import DivergedError
 from repaint_cli.learn import schedules
 from repaint_cli.learn.advantages import Samples, describe, to_samples
@@ -72,46 +72,42 @@ class IterationStats:
 
 
 def train(
-    task: TaskCard, learner: Learner, teacher: ActorCritic | None, transfer: TransferConfig
+    task: TaskCard, learner: Learner, teacher: ActorCritic | None
 ) -> Iterator[IterationStats]:
     """Train until the task's number of iterations, yielding after each (paper, algorithms 1 and 2).
 
     Args:
-        task: the target task.
+        task: the target task; its `transfer` says what the teacher contributes, and with β₀ = 0 and
+            I = 0 this is clipped PPO.
         learner: where to start from; it is changed in place.
         teacher: the teacher's policy, standing S times, or None.
-        transfer: what the teacher contributes; with β₀ = 0 and I = 0 it is clipped PPO.
 
     Raises:
         CardError: the task cannot be rolled out as its card says.
         DivergedError: an observation, a reward, a loss or a weight is not finite.
     """
     task.check_rollout()
-    guide = None if teacher is None else soften(teacher, transfer)
+    guide = None if teacher is None else soften(teacher, task.transfer)
     for k in range(learner.iteration + 1, task.ppo.n_iterations + 1):
-        started = perf_counter()
-        phase = schedules.phase(k, transfer) if guide else "ppo"
-        before = learner.env_steps.copy()
-        numbers: dict[str, np.ndarray]
-        if phase == "instance" and guide:
-            kept, seen = transfer_instances(task, learner, guide, k)
-            numbers = seen | learn_from_instances(
+        started, before = perf_counter(), learner.env_steps.copy()
+        phase: schedules.Phase = "ppo"
+        kept, numbers = None, dict[str, np.ndarray]()
+        if guide is not None:
+            phase = schedules.phase(k, task.transfer)
+            if phase in ("instance", "joint"):
+                kept, numbers = transfer_instances(task, learner, guide, k)
+        if phase == "instance" and kept is not None:
+            numbers |= learn_from_instances(
                 learner.student, learner.optimizer, kept, task.ppo, _shuffles(learner, k),
-                transfer.alpha_2,
+                task.transfer.alpha_2,
             )  # fmt: skip
-        elif phase == "joint" and guide:
-            kept, seen = transfer_instances(task, learner, guide, k)
-            numbers = seen | _learn_on_policy(task, learner, guide, transfer, k, kept)
         else:
-            numbers = _learn_on_policy(task, learner, guide, transfer, k)
+            numbers |= _on_policy_iteration(task, learner, guide, k, kept)
         _check_weights(learner, k)
         learner.iteration = k
-        taken = learner.env_steps - before
-        seconds = perf_counter() - started
-        numbers |= {
-            "env_steps": learner.env_steps.copy(),
-            "steps_per_second": np.full(taken.shape, taken.sum() / seconds),
-        }
+        taken, seconds = learner.env_steps - before, perf_counter() - started
+        numbers["env_steps"] = learner.env_steps.copy()
+        numbers["steps_per_second"] = np.full(taken.shape, taken.sum() / seconds)
         yield IterationStats(k, phase, numbers)
 
 
@@ -137,8 +133,8 @@ def transfer_instances(
     Returns:
         The kept samples and what the selection looked like, (S,) per number.
     """
-    purposes = (Purpose.TEACHER, Purpose.ACT_AS_TEACHER)
-    rollout = _collect(task, learner, guide, purposes, k, task.transfer.teacher_episodes)
+    n_episodes = task.transfer.teacher_episodes
+    rollout = _collect(task, learner, guide, k, n_episodes, as_teacher=True)
     samples = to_samples(rollout, learner.student.value, task.ppo.gamma, task.ppo.gae_lambda)
     scaled = rescale(samples, task.select.scale, learner.last_moments)
     chosen = above_threshold(scaled.advantages, task.select.threshold)
@@ -153,19 +149,38 @@ def transfer_instances(
     return scaled.keep(chosen), {name: number.numpy() for name, number in numbers.items()}
 
 
-def _learn_on_policy(
-    task: TaskCard,
-    learner: Learner,
-    guide: Policy | None,
-    transfer: TransferConfig,
-    k: int,
-    kept: Samples | None = None,
+def _on_policy_iteration(
+    task: TaskCard, learner: Learner, guide: Policy | None, k: int, kept: Samples | None
 ) -> dict[str, np.ndarray]:
-    """Let the student act and learn from it, with the cross-entropy where β_k > 0."""
-    student, ppo = learner.student, task.ppo
+    """Let the student act and learn from it: PPO, with the cross-entropy where β_k > 0.
+
+    Args:
+        task: the target task.
+        learner: who learns.
+        guide: the softened teacher, or None.
+        k: the iteration.
+        kept: selected teacher samples to learn from in the same steps (algorithm 1).
+    """
+    student, ppo, transfer = learner.student, task.ppo, task.transfer
+    rollout = _collect(task, learner, student.policy, k, ppo.n_episodes)
+    samples = _own_samples(student, rollout, ppo)
+    explained = _explained_variance(samples)
+    learner.last_moments = moments(samples)
+    learner.last_reward = masked_mean(samples.rewards, samples.counts)
     beta = schedules.kickstart_coef(k, transfer) if guide else 0.0
-    purposes = (Purpose.TRAIN, Purpose.ACT)
-    rollout = _collect(task, learner, student.policy, purposes, k, ppo.n_episodes)
+    numbers = learn_on_policy(
+        student, learner.optimizer, standardize(samples, learner.last_moments), ppo,
+        _shuffles(learner, k), beta=beta, instances=kept,
+        teacher=describe(guide, samples) if guide and beta > 0 else None,
+        alpha_1=transfer.alpha_1 if k <= transfer.iterations else 1.0, alpha_2=transfer.alpha_2,
+    )  # fmt: skip
+    numbers["kickstart_coef"] = np.full(student.n_seeds, beta)
+    numbers["explained_variance"] = explained.numpy()
+    return numbers | _episode_numbers(rollout, student.n_seeds)
+
+
+def _own_samples(student: ActorCritic, rollout: Rollout, ppo: PPOConfig) -> Samples:
+    """Return the student's samples, after its normaliser has seen what it saw."""
     if student.normalizer:
         for seed, store in enumerate(rollout.frames.stores):
             student.normalizer.update(seed, store)
@@ -173,23 +188,17 @@ def _learn_on_policy(
     if student.normalizer:  # new statistics make a new π_old: the first ratio is to be 1
         log_probs = describe(student.policy, samples).log_prob(samples.actions)
         samples = replace(samples, behavior_log_probs=log_probs)
-    explained = _explained_variance(samples)
-    learner.last_moments = moments(samples)
-    learner.last_reward = masked_mean(samples.rewards, samples.counts)
-    numbers = learn_on_policy(
-        student, learner.optimizer, standardize(samples, learner.last_moments), ppo,
-        _shuffles(learner, k), beta=beta, instances=kept,
-        teacher=describe(guide, samples) if guide and beta > 0 else None,
-        alpha_1=transfer.alpha_1 if k <= transfer.iterations else 1.0, alpha_2=transfer.alpha_2,
-    )  # fmt: skip
+    return samples
+
+
+def _episode_numbers(rollout: Rollout, n_seeds: int) -> dict[str, np.ndarray]:
+    """Return each seed's mean return and length of the episodes that ended, nan of none, (S,)."""
     seeds, returns, lengths = rollout.episodes()
-    each = range(len(learner.seeds))
+    ended = np.bincount(seeds, minlength=n_seeds)
     with np.errstate(invalid="ignore"):
-        return numbers | {
-            "kickstart_coef": np.full(len(each), beta),
-            "explained_variance": explained.numpy(),
-            "episode_return": np.array([_mean(returns[seeds == s]) for s in each]),
-            "episode_length": np.array([_mean(lengths[seeds == s]) for s in each]),
+        return {
+            "episode_return": np.bincount(seeds, returns, n_seeds) / ended,
+            "episode_length": np.bincount(seeds, lengths, n_seeds) / ended,
         }
 
 
@@ -197,16 +206,19 @@ def _collect(
     task: TaskCard,
     learner: Learner,
     policy: Policy,
-    purposes: tuple[Purpose, Purpose],
     k: int,
     n_episodes: int | None,
+    *,
+    as_teacher: bool = False,
 ) -> Rollout:
     """Roll a policy out in fresh environments, as many steps or episodes as the card says."""
-    n_steps = None if task.ppo.n_episodes else task.ppo.n_steps
-    n_envs = task.ppo.n_envs if n_steps else n_episodes or 1
-    env, obs = start(task, learner.seeds, n_envs, purposes[0], k, one_episode=n_steps is None)
-    rngs = [generator(seed, purposes[1], k) for seed in learner.seeds]
-    rollout = collect(env, obs, policy, rngs, n_steps=n_steps)
+    by_steps = task.ppo.n_episodes is None
+    n_envs = task.ppo.n_envs if by_steps or n_episodes is None else n_episodes
+    env_purpose = Purpose.TEACHER if as_teacher else Purpose.TRAIN
+    act_purpose = Purpose.ACT_AS_TEACHER if as_teacher else Purpose.ACT
+    env, obs = start(task, learner.seeds, n_envs, env_purpose, k, one_episode=not by_steps)
+    rngs = [generator(seed, act_purpose, k) for seed in learner.seeds]
+    rollout = collect(env, obs, policy, rngs, n_steps=task.ppo.n_steps if by_steps else None)
     env.close()
     learner.env_steps += rollout.valid.sum((0, 2))
     return rollout
@@ -218,14 +230,9 @@ def _shuffles(learner: Learner, k: int) -> list[np.random.Generator]:
 
 def _explained_variance(samples: Samples) -> torch.Tensor:
     """Return 1 − Var(R̂ − V) / Var(R̂), (S,): how much of the returns the critic knew beforehand."""
-    n = samples.counts
-    error = samples.advantages  # R̂ = Â + V, so R̂ − V = Â
-    spread = [masked_mean(x**2, n) - masked_mean(x, n) ** 2 for x in (error, samples.returns)]
-    return 1 - spread[0] / spread[1].clamp(min=1e-12)
-
-
-def _mean(numbers: np.ndarray) -> float:
-    return float(numbers.mean()) if len(numbers) else float("nan")
+    _, error = moments(samples)  # R̂ = Â + V, so R̂ − V = Â
+    _, spread = moments(replace(samples, advantages=samples.returns))
+    return (1 - error**2 / (spread**2).clamp(min=1e-12)).squeeze(1)
 
 
 def _check_weights(learner: Learner, k: int) -> None:

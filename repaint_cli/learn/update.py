@@ -107,7 +107,7 @@ def representation_loss(
 
         L_rep(θ) = L_clip(θ) − β_k·H(π_teacher‖π_θ)      (paper, equation 2)
 
-    Without a teacher, or with β = 0, it is clipped PPO.
+    Without a teacher it is clipped PPO.
     """
     obs, counts = batch.frames.take(batch.rows), batch.counts
     policy = student.policy(obs, counts.tolist())
@@ -126,7 +126,7 @@ def representation_loss(
         + ppo.vf_coef * numbers["value_loss"]
         - ppo.ent_coef * numbers["entropy"]
     )
-    if teacher is not None and beta > 0:
+    if teacher is not None:
         numbers["cross_entropy"] = masked_mean(teacher.cross_entropy(policy), counts)
         loss = loss + beta * numbers["cross_entropy"]
     return loss, numbers
@@ -208,8 +208,9 @@ def learn_on_policy(
             if instances is not None and extra is not None:
                 done = torch.tensor([[j], [j + 1]]).minimum(n_steps) * instances.counts // n_steps
                 share = instances.pick(*part(extra, done[0], done[1]))
-                ins_loss, _ = instance_loss(student, share, ppo)
+                ins_loss, seen = instance_loss(student, share, ppo)
                 loss = alpha_1 * loss + alpha_2 * ins_loss
+                means.add(share.counts, {"log_ratio": seen["log_ratio"]})
             means.add(counts, numbers)
             moving = (counts > 0).tolist()
             scale = 1.0 if instances is not None else alpha_1

@@ -1,0 +1,118 @@
+"""Weights in and out: strict, to the bit, and a learner that goes on as if nothing had happened."""
+
+import pytest
+import torch
+from safetensors import safe_open
+from safetensors.torch import save_file
+from tiny_tasks import guess, learner_of, reach, stranger, with_transfer
+
+from repaint_cli.checkpoint import (
+    load,
+    load_learner,
+    load_networks,
+    load_policy,
+    policy_tensors,
+    save,
+    save_learner,
+)
+from repaint_cli.config import TransferConfig
+from repaint_cli.errors import CheckpointError
+from repaint_cli.files import KEY
+from repaint_cli.learn.trainer import train
+
+TASKS = pytest.mark.parametrize("make", [reach, guess])
+
+
+def copies(student):
+    return {name: leaf.detach().clone() for name, leaf in policy_tensors(student).items()}
+
+
+def equal(one, other):
+    return one.keys() == other.keys() and all(torch.equal(one[name], other[name]) for name in one)
+
+
+@TASKS
+def test_a_learner_saved_half_way_goes_on_bit_for_bit(tmp_path, make):
+    select = {"scale": "student-batch", "threshold": 0.0}  # needs the student's last batch
+
+    def run(learner, n_iterations):
+        task = make(n_iterations=n_iterations, select=select)
+        list(train(with_transfer(task, TransferConfig()), learner, stranger(task, 2)))
+        return learner
+
+    straight = run(learner_of(make(), [3, 5]), 4)
+    save_learner(tmp_path / "half", run(learner_of(make(), [3, 5]), 2), {})
+    resumed = learner_of(make(), [3, 5])
+    load_learner(tmp_path / "half", resumed)
+    assert resumed.iteration == 2
+    run(resumed, 4)
+    assert equal(copies(straight.student), copies(resumed.student))
+    assert equal(straight.optimizer.state(), resumed.optimizer.state())
+    assert straight.env_steps.tolist() == resumed.env_steps.tolist()
+
+
+@TASKS
+def test_networks_alone_can_be_read_from_a_learner(tmp_path, make):
+    learner, other = learner_of(make(), [0, 1]), learner_of(make(), [7, 8])
+    save_learner(tmp_path / "file", learner, {})
+    load_networks(tmp_path / "file", other.student)
+    assert equal(copies(learner.student), copies(other.student))
+
+
+def test_one_seeds_leaves_go_into_every_seed():
+    one, three = learner_of(reach(), [4]).student, learner_of(reach(), [0, 1, 2]).student
+    load_policy(three, policy_tensors(one, 0), "a test")
+    for name, leaf in policy_tensors(three).items():
+        assert all(torch.equal(leaf[s], policy_tensors(one)[name][0]) for s in range(3))
+
+
+def test_other_seeds_are_refused(tmp_path):
+    save_learner(tmp_path / "file", learner_of(reach(), [0, 1]), {})
+    with pytest.raises(CheckpointError, match=r"holds seeds \[0, 1\], wanted \[0, 2\]"):
+        load_learner(tmp_path / "file", learner_of(reach(), [0, 2]))
+
+
+@pytest.mark.parametrize(
+    ("spoil", "message"),
+    [
+        (lambda t: t.pop("policy.0.bias"), "leaf 'policy.0.bias' is missing in the file"),
+        (lambda t: t.update(extra=torch.zeros(1)), "leaf 'extra' is unknown to the network"),
+        (
+            lambda t: t.update({"value.0.weight": torch.zeros(2, 8)}),
+            r"leaf 'value.0.weight' is \(2, 8\) float32 in the file, \(2, 16\) float32 in the",
+        ),
+        (
+            lambda t: t.update({"value.0.bias": torch.zeros(16).double()}),
+            r"'value.0.bias' is \(16,\) float64 in the file, \(16,\) float32 in the network",
+        ),
+    ],
+)
+def test_leaves_that_do_not_fit_are_named_and_nothing_is_loaded(spoil, message):
+    student, leaves = learner_of(reach(), [0]).student, policy_tensors(stranger(reach()), 0)
+    before = copies(student)
+    spoil(leaves)
+    with pytest.raises(CheckpointError, match=f"a test: .*{message}"):
+        load_policy(student, leaves, "a test")
+    assert equal(before, copies(student))
+
+
+@pytest.mark.parametrize("number", [float("nan"), float("inf")])
+def test_numbers_that_are_not_finite_are_refused(tmp_path, number):
+    save(tmp_path / "file", {"fine": torch.zeros(3), "ill": torch.tensor([0, number])}, {})
+    with pytest.raises(CheckpointError, match="leaf 'ill' holds numbers that are not finite"):
+        load(tmp_path / "file")
+
+
+def test_what_is_saved_is_safetensors_and_its_header_json(tmp_path):
+    save(tmp_path / "file", {"x": torch.arange(3.0)}, {"a": [1, None, "ζ"]})
+    with safe_open(tmp_path / "file", framework="pt") as file:
+        assert set(file.metadata()) == {KEY}
+    tensors, header = load(tmp_path / "file")
+    assert header == {"a": [1, None, "ζ"]}
+    assert equal(tensors, {"x": torch.arange(3.0)})
+
+
+def test_a_foreign_file_is_refused(tmp_path):
+    save_file({"x": torch.zeros(3)}, tmp_path / "file")
+    with pytest.raises(CheckpointError, match="was not written by repaint"):
+        load(tmp_path / "file")

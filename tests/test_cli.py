@@ -1,0 +1,237 @@
+"""The commands, typed: what they print, write and leave alone. Errors are in test_errors."""
+
+import io
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import typer
+from rich.console import Console
+from tiny_runs import QUICK, QUICK_LAP, add_teacher, files_below
+
+from repaint_cli import __version__
+from repaint_cli.cli import examine, screen
+from repaint_cli.cli.app import app
+from repaint_cli.cli.options import parse_ratio, seed_list
+from repaint_cli.errors import RenderError
+from repaint_cli.learn.trainer import IterationStats
+from repaint_cli.runs import Report
+
+SCRATCH = ["transfer", "--task", "reacher", "--method", "scratch", *QUICK]
+
+
+def strict(text):
+    """Read JSON as strict readers do, which know no NaN."""
+
+    def refuse(word):
+        raise ValueError(word)
+
+    return json.loads(text, parse_constant=refuse)
+
+
+def test_version_and_help(repaint):
+    assert repaint("--version").out == f"repaint {__version__}\n"
+    said = repaint("--help")
+    assert said.code == 0
+    for name in ("train-teacher", "transfer", "eval", "similarity", "compare", "tasks", "zoo"):
+        assert f" {name} " in said.out
+
+
+@pytest.mark.parametrize("command", ["train-teacher", "transfer", "eval", "compare"])
+def test_help_names_every_option_whole_on_a_terminal_of_80_columns(repaint, monkeypatch, command):
+    monkeypatch.setenv("COLUMNS", "80")
+    said = repaint(command, "--help").out
+    assert max(map(len, said.splitlines())) <= 80
+    for parameter in typer.main.get_command(app).commands[command].params:
+        if parameter.opts[0].startswith("--"):
+            assert f"{parameter.opts[0]} " in said
+
+
+def test_an_iteration_is_a_line_where_there_is_no_terminal(repaint):
+    lines = repaint(*SCRATCH, "--run", "run").out.splitlines()
+    assert [line.partition(" · ")[0] for line in lines[:2]] == ["iteration 1/2", "iteration 2/2"]
+    assert "ppo" in lines[0]
+    assert "steps/s · return -" in lines[0]
+    assert lines[2].startswith("wrote run/: ")
+    assert len(lines) == 4
+
+
+def test_a_terminal_shows_a_bar_and_the_newest_numbers(repaint, monkeypatch):
+    terminal = Console(file=io.StringIO(), force_terminal=True, width=80)
+    monkeypatch.setattr(screen, "out", terminal)
+    repaint(*SCRATCH, "--run", "run")
+    shown = terminal.file.getvalue()
+    for words in ("scratch · reacher", "2/2", "left", "steps/s", "return -"):
+        assert words in shown
+    assert "iteration 1/2" not in shown
+
+
+def test_numbers_of_an_iteration_fit_on_a_line(repaint):
+    said = repaint(
+        "transfer", "--task", "racer-inner", "--method", "scratch", "--run", "run", *QUICK_LAP
+    )
+    assert all(len(line) <= 80 for line in said.out.splitlines() if line.startswith("iteration"))
+
+
+@pytest.mark.parametrize(
+    ("kept", "own", "warns"), [(0.1, 0.2, True), (0.2, 0.1, False), (np.nan, 0.1, False)]
+)
+def test_teacher_samples_that_pay_less_than_the_students_own_are_warned_of(kept, own, warns):
+    numbers = {"kept_reward": np.array([kept]), "student_reward": np.array([own])}
+    warning = Report(IterationStats(4, "instance", numbers), None, 0.0).warning
+    assert (warning is not None) == warns
+    if warns:
+        assert warning.startswith("iteration 4: the kept teacher samples were paid less")
+
+
+def test_eval_without_a_name_plays_the_newest_run(repaint, home):
+    repaint(*SCRATCH, "--seeds", 2)
+    said = repaint("eval", "--episodes", 3)
+    (folder,) = (home / "runs" / "reacher").iterdir()
+    assert said.code == 0
+    assert "reacher · scratch · iteration 2" in said.out
+    told = strict((folder / "eval.json").read_text())
+    assert np.shape(told["returns"]) == (2, 3)
+    assert told["seeds"] == [0, 1]
+    assert sum(told["mean_terms"].values()) == pytest.approx(np.mean(told["returns"]))
+    assert (folder / "eval-trajectories.png").read_bytes().startswith(b"\x89PNG")
+    assert f"wrote {folder.relative_to(home)}/: eval.json, eval-trajectories.png\n" in said.out
+
+
+def test_eval_plays_a_teacher_by_name_or_file_on_its_own_task_or_another(repaint, home):
+    path = add_teacher(home / "home" / "zoo")
+    repaint("tasks", "copy", "reacher-gentle", "gentler.toml")
+    for what, task in (("old-hand", []), (path, []), ("old-hand", ["--task", "gentler.toml"])):
+        said = repaint("eval", what, *task, "--episodes", 2)
+        assert said.code == 0
+        assert ("old-hand on gentler" if task else "old-hand\n") in said.out
+    assert {folder.name for folder in (home / "runs").iterdir()} == {"reacher", "gentler"}
+
+
+def test_eval_is_the_same_every_time_and_another_with_another_seed(repaint, home):
+    add_teacher(home / "home" / "zoo")
+
+    def returns(*words):
+        repaint("eval", "old-hand", "--episodes", 2, *words)
+        newest = max((home / "runs" / "reacher").iterdir(), key=lambda path: path.stat().st_mtime)
+        return strict((newest / "eval.json").read_text())["returns"]
+
+    assert returns() == returns()
+    assert returns() != returns("--seed", 9)
+
+
+def test_eval_films_the_racer_and_leaves_the_run_alone(repaint, home):
+    repaint("transfer", "--task", "racer-inner", "--method", "scratch", "--run", "run", *QUICK_LAP)
+    before = files_below(home / "run")
+    said = repaint("eval", "run", "--render-offscreen", "--episodes", 2)
+    assert said.code == 0
+    after = files_below(home / "run")
+    assert after.keys() - before.keys() == {"eval.json", "eval-trajectories.png", "video.mp4"}
+    assert before.items() <= after.items()
+    assert "0 of 2" in said.out  # laps
+    assert len(strict(after["eval.json"])["progress"][0]) == 2
+
+
+def test_eval_keeps_its_other_files_where_nothing_renders(repaint, home, monkeypatch):
+    add_teacher(home / "home" / "zoo")
+
+    def fail(*_):
+        raise RenderError("install libegl1")
+
+    monkeypatch.setattr(examine, "film", fail)
+    said = repaint("eval", "old-hand", "--render-offscreen", "--episodes", 2)
+    assert (said.code, said.err) == (RenderError.exit_code, "error: install libegl1\n")
+    assert "eval.json, eval-trajectories.png" in said.out
+    assert sorted(Path(name).name for name in files_below(home / "runs")) == [
+        "eval-trajectories.png", "eval.json"
+    ]  # fmt: skip
+
+
+@pytest.fixture
+def two_runs(repaint, home):
+    add_teacher(home / "home" / "zoo")
+    repaint(*SCRATCH, "--run", "one")
+    repaint("transfer", "--task", "reacher", "--teacher", "old-hand", "--run", "two", *QUICK)
+    return home
+
+
+def test_compare_lays_runs_side_by_side(repaint, two_runs):
+    said = repaint("compare", "one", "two")
+    assert said.code == 0
+    assert (two_runs / "compare.png").read_bytes().startswith(b"\x89PNG")
+    assert "scratch " in said.out
+    assert "repaint from old-hand" in said.out
+    scratch, repainted = strict(repaint("compare", "one", "two", "--json").out)
+    assert scratch["target"] == repainted["target"]
+    assert scratch["reached"] in ([1], [2])
+    assert scratch["area"] == pytest.approx((scratch["k=1"] + strict_return("one", 2)) / 2, 1e-4)
+
+
+def strict_return(folder, k):
+    rows = (Path(folder) / "metrics.csv").read_text().splitlines()
+    return float(rows[k].split(",")[rows[0].split(",").index("eval_return")])
+
+
+def test_compare_does_without_a_scratch_run_and_passes_over_runs_that_never_began(
+    repaint, two_runs
+):
+    header = (two_runs / "one" / "metrics.csv").read_text().splitlines()[0]
+    (two_runs / "one" / "metrics.csv").write_text(header + "\n")
+    said = repaint("compare", *(path.name for path in two_runs.iterdir() if path.is_dir()))
+    assert said.code == 0
+    assert "unknown without a scratch run" in said.out
+    (only,) = strict(repaint("compare", "one", "two", "--json").out)
+    assert (only["run"], only["target"], only["reached"]) == ("repaint from old-hand", None, [None])
+
+
+def test_compare_refuses_runs_of_several_tasks(repaint, home):
+    repaint(*SCRATCH, "--run", "one")
+    repaint(*SCRATCH, "--task", "reacher-gentle", "--run", "two")
+    said = repaint("compare", "one", "two")
+    assert said.code == 3
+    assert said.err == "error: expected runs of one task, found reacher, reacher-gentle\n"
+
+
+def test_a_method_without_a_teacher_ignores_the_one_named(repaint, home):
+    said = repaint(*SCRATCH, "--teacher", "nobody", "--run", "run")
+    assert said.code == 0
+    assert json.loads((home / "run" / "run.json").read_text())["teacher"] is None
+
+
+@pytest.mark.parametrize("method", ["warm-start", "kickstart", "instance", "repaint-joint"])
+def test_every_method_runs(repaint, home, method):
+    add_teacher(home / "home" / "zoo")
+    words = ["transfer", "--task", "reacher", "--teacher", "old-hand", "--method", method]
+    assert repaint(*words, *QUICK, "--run", "run").code == 0
+
+
+def test_options_reach_the_card_and_set_has_the_last_word(repaint, home):
+    add_teacher(home / "home" / "zoo")
+    said = repaint(
+        "transfer", "--task", "reacher", "--teacher", "old-hand", "--run", "run", *QUICK,
+        "--ratio", "2:3", "--beta", 0.4, "--beta-decay", 0.5, "--threshold", -0.25,
+        "--transfer-iterations", 7, "--set", "transfer.kickstart_decay=0.75",
+    )  # fmt: skip
+    assert said.code == 0
+    record = json.loads((home / "run" / "run.json").read_text())
+    transfer, select = record["transfer"], record["task"]["select"]
+    assert (transfer["representation"], transfer["instance"]) == (2, 3)
+    assert (transfer["kickstart_coef"], transfer["kickstart_decay"]) == (0.4, 0.75)
+    assert (transfer["iterations"], select["threshold"]) == (7, -0.25)
+
+
+def test_ratio_and_seeds_are_read():
+    assert parse_ratio(None) == (None, None)
+    assert parse_ratio("2:1") == (2, 1)
+    assert parse_ratio("1:0") == (1, 0)
+    assert seed_list(3, 2) == [3, 4]
+
+
+def test_replace_replaces(repaint, home):
+    words = ["train-teacher", "--task", "reacher", "--name", "mine", *QUICK]
+    repaint(*words, "--run", "one")
+    path = home / "home" / "zoo" / "mine.safetensors"
+    before = path.read_bytes()
+    assert repaint(*words, "--seed", 4, "--run", "two", "--replace").code == 0
+    assert path.read_bytes() != before

@@ -1,0 +1,86 @@
+"""One suite for every shipped card and its environment: a new card is tested without a new test."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from numpy.testing import assert_array_equal
+
+from repaint_cli.tasks import RacerEnv, read_task, shipped_tasks
+
+N = 2
+
+
+@pytest.fixture(params=sorted(shipped_tasks()))
+def card(request):
+    return read_task(request.param)
+
+
+def played(card, seeds, n_steps):
+    """What an environment tells over some random steps, from the first observation on."""
+    env = card.make_env(N)
+    obs, _ = env.reset(seed=seeds)
+    env.action_space.seed(0)
+    told = [(obs, np.zeros(N), np.zeros(N, bool), np.zeros(N, bool), {})]
+    told += [env.step(env.action_space.sample()) for _ in range(n_steps)]
+    env.close()
+    return env, told
+
+
+def test_the_reward_is_the_weighted_sum_of_the_named_terms(card):
+    env, told = played(card, [1, 2], 20)
+    for _, rewards, *_, info in told[1:]:
+        weighed = sum(w * info["reward_terms"][:, f] for f, w in enumerate(card.reward.values()))
+        assert_array_equal(rewards, weighed)
+        for f, name in enumerate(card.reward):
+            assert_array_equal(info["reward_terms"][:, f], info[name])
+    assert env.names == tuple(card.reward)
+
+
+def test_the_same_seed_gives_the_same_trajectory_and_another_seed_another(card):
+    def trajectory(seeds):
+        _, told = played(card, seeds, 60)  # beyond an episode's end
+        return [np.stack(column) for column in zip(*(step[:4] for step in told), strict=True)]
+
+    one, again, other = (trajectory(seeds) for seeds in ([3, 4], [3, 4], [13, 14]))
+    for column, repeated in zip(one, again, strict=True):
+        assert_array_equal(column, repeated)
+    assert not np.array_equal(one[0], other[0])
+
+
+def test_observations_share_no_memory(card):
+    _, told = played(card, [1, 2], 3)
+    for (before, *_), (after, *_) in pairwise(told):
+        assert not np.shares_memory(before, after)
+
+
+def test_no_sensor_is_dead(card):
+    _, told = played(card, [1, 2], 300)
+    seen = np.stack([obs for obs, *_ in told])  # (T, N, *O)
+    if seen.ndim == 3:
+        assert np.all(seen.std(axis=(0, 1)) > 0)
+    else:
+        assert np.all(seen.std(axis=(2, 3, 4)) > 0)  # no image is of one grey
+        assert np.any(seen[0] != seen[20])
+
+
+def test_observations_and_actions_are_in_their_spaces(card):
+    env, told = played(card, [1, 2], 60)
+    assert env.observation_space.shape[0] == env.action_space.shape[0] == N
+    for obs, *_ in told:
+        assert env.observation_space.contains(obs)
+
+
+def test_a_time_limit_truncates_and_does_not_terminate(card):
+    if isinstance(card.env, RacerEnv):
+        card = card.with_settings(["env.max_steps=50"])
+        env = card.make_env(N)
+        env.reset(seed=[1, 2], options={"lap_fraction": [0.0, 0.5]})
+        drive = np.full(N, 2)  # straight on, slowly: neither stuck nor off the track for 3 s
+    else:
+        env = card.make_env(N)
+        env.reset(seed=[1, 2])
+        drive = np.zeros((N, env.single_action_space.shape[0]))
+    ends = [env.step(drive)[2:4] for _ in range(50)]
+    assert not np.any(ends[:-1])
+    assert_array_equal(ends[-1], [[False] * N, [True] * N])

@@ -1,0 +1,77 @@
+"""The manual is a test: every command is shown and explained, and what is shown can be typed."""
+
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+import typer
+
+from repaint_cli.cli.app import app
+
+ROOT = Path(__file__).parents[1]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+MANUALS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+PLACEHOLDER = re.compile(r"[…\[|]|\bCOMMAND\b")
+
+
+def commands(group, words=("repaint",)):
+    """Every command by the words that call it."""
+    for name, command in group.commands.items():
+        if hasattr(command, "commands"):
+            yield from commands(command, (*words, name))
+        else:
+            yield " ".join((*words, name)), command
+
+
+COMMANDS = dict(commands(typer.main.get_command(app)))
+
+
+def shown(path):
+    """Every `repaint …` line of a manual's code blocks, and every such piece of inline code."""
+    text = path.read_text(encoding="utf-8")
+    blocks = re.findall(r"^```\w*\n(.*?)^```", text, re.DOTALL | re.MULTILINE)
+    lines = [line for block in blocks for line in block.replace("\\\n", " ").splitlines()]
+    inline = re.findall(r"`(repaint [^`]*)`", re.sub(r"^```.*?^```", "", text, flags=re.S | re.M))
+    calls = [line.strip().removeprefix("$ ") for line in lines] + [
+        " ".join(i.split()) for i in inline
+    ]
+    return [call for call in calls if call.startswith("repaint ") and not PLACEHOLDER.search(call)]
+
+
+SHOWN = sorted({call for path in MANUALS for call in shown(path)})
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_the_readme_shows_it_and_help_explains_it(command):
+    assert any(f"{call} ".startswith(f"{command} ") for call in shown(ROOT / "README.md"))
+    assert (COMMANDS[command].help or "").strip().endswith(".")
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_option_is_explained_in_a_sentence(command):
+    for parameter in COMMANDS[command].params:
+        assert (parameter.help or "").endswith((".", "…")), f"{command} {parameter.name}"
+
+
+@pytest.mark.parametrize("call", SHOWN)
+def test_what_is_shown_can_be_typed(call):
+    words = shlex.split(call, comments=True)
+    command = next((c for n in (3, 2) if (c := COMMANDS.get(" ".join(words[:n])))), None)
+    if command is None:
+        assert words[1:] in (["--help"], ["--version"]), f"there is no command {call}"
+    else:
+        rest = words[len(next(name for name in COMMANDS if COMMANDS[name] is command).split()) :]
+        command.make_context(call, rest, resilient_parsing="--help" in rest)
+
+
+def test_the_manual_speaks_of_every_exit_code():
+    from repaint_cli import errors
+
+    line = next(
+        part
+        for part in (ROOT / "docs" / "manual.md").read_text().split("\n\n")
+        if "130 Ctrl-C" in part
+    )
+    codes = {kind.exit_code for kind in vars(errors).values() if hasattr(kind, "exit_code")}
+    assert codes == {int(n) for n in re.findall(r"\b(\d) ", line)}

@@ -1,0 +1,177 @@
+"""Task cards: read, extended, changed, copied."""
+
+import json
+
+import pytest
+from tiny_tasks import guess, reach
+
+from repaint_cli.cli.tasks import to_toml
+from repaint_cli.errors import CardError, NotFound
+from repaint_cli.tasks import TaskCard, read_task, shipped_tasks
+
+CARD = """
+summary = "A test."
+[env]
+simulator = "gymnasium"
+id = "Reacher-v5"
+[reward]
+reward_dist = 1.0
+"""
+
+
+@pytest.fixture
+def card(home):
+    """Write a card and read it as a user's."""
+
+    def write(text):
+        (home / "mine.toml").write_text(text)
+        return read_task("mine.toml")
+
+    return write
+
+
+def test_a_card_is_named_after_its_file(card):
+    assert card(CARD).name == "mine"
+    assert {read_task(name).name for name in shipped_tasks()} == set(shipped_tasks())
+
+
+def test_a_card_that_extends_another_says_only_what_is_new(card):
+    mine, base = card('extends = "reacher"\n[reward]\nreward_ctrl = 2\n'), read_task("reacher")
+    assert mine.reward == {"reward_dist": 1.0, "reward_ctrl": 2.0}
+    assert mine.model_copy(update={"name": base.name, "reward": base.reward}) == base
+
+
+@pytest.mark.parametrize("base", ['"racher"', '["reacher"]', "1"])
+def test_a_card_extends_only_shipped_ones(card, base):
+    with pytest.raises(NotFound, match=r"unknown task .* see: repaint tasks list"):
+        card(f"extends = {base}")
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (CARD + "[ppo]\ngama = 0.9", r"mine\.toml: unknown key 'ppo\.gama'"),
+        (CARD.replace("id =", "identity ="), r"env\.id: Field required"),
+        (CARD.replace("[reward]", 'track = "oval"\n[reward]'), r"unknown key 'env\.track'"),
+        (CARD.replace("gymnasium", "mujoco"), r"env: .*'gymnasium', 'racer'.*"),
+        (CARD.replace("1.0", "nan"), r"reward\.reward_dist: .* finite number, found nan"),
+        (CARD.replace("1.0", "0"), "reward: at least one weight must differ from 0"),
+        (CARD.replace("reward_dist = 1.0", ""), "reward: at least one weight must differ from 0"),
+        (CARD + "[ppo]\ngamma = 1.5", r"ppo\.gamma: .* less than or equal to 1, found 1\.5"),
+        ("summary = ", "mine.toml: Invalid value"),
+        ('extends = "reacher"\n[summary]\nx = 1', "summary: .* valid string"),
+        ('extends = "reacher"\nreward = 1', "reward: .* valid dictionary"),
+    ],
+)
+def test_a_wrong_card_is_refused_with_the_key(card, text, message):
+    with pytest.raises(CardError, match=message) as caught:
+        card(text)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_card_that_is_not_text_is_refused(home):
+    (home / "mine.toml").write_bytes(b"\xff\xfe")
+    with pytest.raises(CardError, match=r"mine\.toml: .*utf-8"):
+        read_task("mine.toml")
+
+
+@pytest.mark.parametrize(
+    ("setting", "section", "value"),
+    [
+        ("env.backend=gymnasium", "env", "gymnasium"),
+        ("reward.reward_ctrl=-2", "reward", -2.0),
+        ("net.hidden=[32, 16]", "net", (32, 16)),
+        ("ppo.gamma=0.98", "ppo", 0.98),
+        ("transfer.joint=true", "transfer", True),
+        ("select.scale=student-batch", "select", "student-batch"),
+        ("eval.episodes=3", "eval", 3),
+    ],
+)
+def test_a_setting_of_any_section_changes_that_and_nothing_else(setting, section, value):
+    before = read_task("reacher")
+    after = before.with_settings([setting])
+    key = setting.partition(".")[2].partition("=")[0]
+    was, now = before.model_dump(), after.model_dump()
+    assert now[section].pop(key) == value
+    assert was[section].pop(key) != value
+    assert was == now
+
+
+def test_of_two_settings_the_last_counts():
+    assert read_task("reacher").with_settings(["ppo.gamma=0.5", "ppo.gamma=0.7"]).ppo.gamma == 0.7
+
+
+def test_settings_that_depend_on_each_other_are_checked_together():
+    settings = ["reward.reward_dist=0", "reward.reward_ctrl=2"]
+    assert read_task("reacher").with_settings(settings).reward["reward_ctrl"] == 2
+
+
+@pytest.mark.parametrize("name", sorted(shipped_tasks()))
+def test_a_copied_card_is_the_same_task(repaint, home, name):
+    assert repaint("tasks", "copy", name, "copy.toml").code == 0
+    copy = read_task("copy.toml")
+    assert copy.name == "copy"
+    assert copy.model_copy(update={"name": name}) == read_task(name)
+
+
+def test_toml_keeps_odd_names_and_texts(home):
+    odd = reach().model_copy(
+        update={"summary": 'say "a\\b"\n\té', "reward": {"run/x": 1.0, "two words": -1e-9}}
+    )
+    (home / "reach.toml").write_text(to_toml(odd))
+    assert read_task("reach.toml") == odd
+
+
+def test_toml_keeps_arguments_and_shapes(home):
+    task = guess(image=True)
+    (home / "guess.toml").write_text(to_toml(task))
+    assert read_task("guess.toml") == task
+
+
+def test_a_card_survives_json():
+    for name in shipped_tasks():
+        card = read_task(name)
+        assert TaskCard.parse(json.loads(card.model_dump_json()), "json") == card
+
+
+@pytest.mark.parametrize(
+    ("settings", "advice"),
+    [
+        (["ppo.n_envs=41"], "at least 51 .* found 2048 / 41; try --set ppo.n_envs=40"),
+        (["ppo.n_steps=50"], "found 50 / 40; try --set ppo.n_steps=2040"),
+    ],
+)
+def test_every_environment_must_finish_an_episode_and_the_advice_works(settings, advice):
+    card = read_task("reacher").with_settings(settings)
+    with pytest.raises(CardError, match=advice) as caught:
+        card.check_rollout()
+    card.with_settings([str(caught.value).rpartition("--set ")[2]]).check_rollout()
+
+
+def test_evaluation_starts_are_spread_and_training_starts_go_on():
+    card = read_task("racer-inner")
+    assert card.start_options(2, 4, None)["lap_fraction"] == [0, 0.25, 0.5, 0.75] * 2
+    first, second = (card.start_options(1, 3, k)["lap_fraction"] for k in (1, 2))
+    assert first + second == pytest.approx([0, 0.05, 0.1, 0.15, 0.2, 0.25])
+    assert read_task("reacher").start_options(2, 4, None) is None
+
+
+def test_tasks_check_says_what_a_sound_card_is(repaint):
+    said = repaint("tasks", "check", "reacher")
+    assert said.code == 0
+    assert "reacher is sound: 10 observations and 2 continuous actions" in said.out
+    assert "reward_dist -0." in said.out
+
+
+def test_tasks_list_and_show_name_everything(repaint):
+    listed = repaint("tasks", "list").out.splitlines()
+    assert [line.split()[0] for line in listed] == list(shipped_tasks())
+    shown = repaint("tasks", "show", "racer-inner").out
+    for word in (
+        "[ppo]",
+        "gamma = 0.999",
+        "lane = 1.0",
+        "track = reinvent-like",
+        "γ, the discount",
+    ):
+        assert word in shown
