@@ -10,11 +10,13 @@ go to runs/methods/, the table to benchmarks/results/ as CSV, a line per row and
 import argparse
 import csv
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -66,22 +68,27 @@ def readme_rows(task: str) -> Iterator[Row]:
 
 
 def choose_rows(task: str) -> Iterator[Row]:
-    """Yield the candidates for a family's defaults: scales of ζ × β₀; the teacher as trained."""
+    """Yield candidates for a family's defaults: β₀ × K × scales of ζ; the teacher as trained."""
     yield Row("scratch", "scratch")
     for teacher in TEACHERS[task]:
-        for beta in BETAS[task]:
-            kick = sets(transfer__kickstart_coef=beta)
-            yield Row(f"kickstart from {teacher}, β₀={beta}", "kickstart", teacher, kick)
+        for beta, length in product(BETAS[task], LENGTHS[task]):
+            basis = sets(transfer__kickstart_coef=beta, transfer__iterations=length)
+            basis += SPREAD[task]
+            given = f"{teacher}, β₀={beta}, K={length}"
+            yield Row(f"kickstart from {given}", "kickstart", teacher, basis)
             for scale in ("teacher-batch", "student-batch", "none"):
-                label = f"repaint from {teacher}, β₀={beta}, {scale}"
-                yield Row(label, "repaint", teacher, kick + sets(select__scale=scale))
+                options = basis + sets(select__scale=scale)
+                yield Row(f"repaint from {given}, {scale}", "repaint", teacher, options)
         if task == "reacher":
             sharp = sets(transfer__teacher_min_std=0, select__scale="teacher-batch")
+            sharp += sets(transfer__kickstart_coef=0.2, transfer__iterations=15)
             yield Row(f"repaint from {teacher}, its σ as trained", "repaint", teacher, sharp)
 
 
 TEACHERS = {"reacher": ("reacher-gentle", "reacher-away"), "racer-outer": ("racer-inner",)}
 BETAS = {"reacher": (0.2, 1.0), "racer-outer": (0.2,)}
+LENGTHS = {"reacher": (15, 4), "racer-outer": (4,)}
+SPREAD = {"reacher": sets(transfer__teacher_min_std=0.4), "racer-outer": ()}
 PLANS = {
     ("readme", "reacher"): ("0", "3", "20"),
     ("readme", "racer-outer"): ("0", "3", "20"),
@@ -94,7 +101,7 @@ PLANS = {
 def run(row: Row, task: str, plan: tuple[str, str, str], folder: Path) -> Path:
     """Run a row, unless it has been run; return its folder."""
     seed, seeds, iterations = plan
-    if not (folder / "seed-done").exists():
+    if not (folder / "done").exists():
         command = [
             sys.executable, "-m", "repaint_cli", "transfer", "--task", task, "--method", row.method,
             "--seed", seed, "--seeds", seeds, "--iterations", iterations, "--run", str(folder),
@@ -102,7 +109,7 @@ def run(row: Row, task: str, plan: tuple[str, str, str], folder: Path) -> Path:
         ]  # fmt: skip
         one_thread = os.environ | {"OMP_NUM_THREADS": "1"}
         subprocess.run(command, check=True, env=one_thread, stdout=subprocess.DEVNULL)
-        (folder / "seed-done").touch()
+        (folder / "done").touch()
     print(row.label, flush=True)
     return folder
 
@@ -158,7 +165,7 @@ def main() -> None:
     plan = PLANS[chosen.table, chosen.task]
     rows = list((readme_rows if chosen.table == "readme" else choose_rows)(chosen.task))
     root = Path("runs") / "methods" / f"{chosen.table}-{chosen.task}"
-    folders = [root / str(number) for number in range(len(rows))]
+    folders = [root / re.sub(r"[^a-z0-9.]+", "-", row.label.lower()) for row in rows]
     with ThreadPoolExecutor(chosen.jobs) as pool:
         list(pool.map(lambda row, folder: run(row, chosen.task, plan, folder), rows, folders))
     target = float(np.nanmax(read_run(folders[0]).returns.mean(0)))

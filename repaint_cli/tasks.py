@@ -156,14 +156,13 @@ class TaskCard(Settings):
         Raises:
             CardError: an episode, or with fresh environments each iteration all of them, would not.
         """
-        longest = self._longest_episode()
-        ppo = self.ppo
-        if ppo.n_episodes is None and ppo.n_steps and ppo.n_steps < ppo.n_envs * (longest + 1):
-            most = ppo.n_steps // (longest + 1)
+        need = self._longest_episode() + 1
+        steps, envs = self.ppo.n_steps, self.ppo.n_envs
+        if self.ppo.n_episodes is None and steps and steps < envs * need:
+            advice = f"n_envs={steps // need}" if steps >= need else f"n_steps={envs * need}"
             raise CardError(
-                f"expected ppo.n_steps / ppo.n_envs of at least {longest + 1} (the longest "
-                f"episode + 1), found {ppo.n_steps} / {ppo.n_envs}; "
-                f"try --set ppo.n_envs={max(most, 1)}"
+                f"expected ppo.n_steps / ppo.n_envs of at least {need} (the longest episode + 1), "
+                f"found {steps} / {envs}; try --set ppo.{advice}"
             )
 
     def _longest_episode(self) -> int:
@@ -173,7 +172,7 @@ class TaskCard(Settings):
 
         try:
             limit = gymnasium.spec(self.env.id).max_episode_steps
-        except gymnasium.error.Error as error:
+        except (gymnasium.error.Error, ImportError) as error:
             raise CardError(f"gymnasium has no environment '{self.env.id}': {error}") from error
         if limit is None:
             raise CardError(

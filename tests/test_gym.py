@@ -6,11 +6,12 @@ import gymnasium
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
+from tiny_tasks import scripted
 
 from repaint_cli.envs.gym import ENVPOOL_IDS, make_gym
 from repaint_cli.envs.terms import RewardTerms
 from repaint_cli.errors import CardError
-from repaint_cli.tasks import TaskCard, read_task
+from repaint_cli.tasks import TaskCard
 
 needs_envpool = pytest.mark.skipif(not find_spec("envpool"), reason="the extra `mujoco` is absent")
 BACKENDS = [pytest.param("envpool", marks=needs_envpool), "gymnasium"]
@@ -111,14 +112,11 @@ def test_auto_leaves_unchecked_ids_and_arguments_to_gymnasium():
         assert type(make_gym(env_id, 1, kwargs)) is gymnasium.vector.SyncVectorEnv
 
 
-def test_steps_that_only_reset_earn_nothing():
-    env = read_task("reacher").make_env(1)
-    env.reset(seed=[0])
-    for _ in range(EPISODE):
-        assert env.step(np.ones((1, 2)))[1][0] < 0
-    _, reward, *_, info = env.step(np.ones((1, 2)))
-    assert reward[0] == 0
-    assert_array_equal(info["reward_terms"], [[0, 0]])
+def test_steps_that_only_reset_earn_nothing_while_others_act():
+    env, _ = scripted(np.zeros((4, 2, 1)), [[1, 2], [3, 4], [5, 6]], ends=[(0, 1)])
+    told = [env.step(np.zeros((2, 1))) for _ in range(3)]
+    assert [reward.tolist() for _, reward, *_ in told] == [[1, 2], [3, 0], [5, 6]]
+    assert told[1][-1]["reward_terms"].tolist() == [[3], [0]]
 
 
 def test_a_term_that_is_not_reported_is_named_with_those_that_are():

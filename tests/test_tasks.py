@@ -2,12 +2,15 @@
 
 import json
 
+import gymnasium
 import pytest
-from tiny_tasks import guess, reach
+from tiny_tasks import Reach, guess, reach
 
 from repaint_cli.cli.tasks import to_toml
 from repaint_cli.errors import CardError, NotFound
 from repaint_cli.tasks import TaskCard, read_task, shipped_tasks
+
+gymnasium.register("repaint-tests/Endless-v0", Reach, disable_env_checker=True)
 
 CARD = """
 summary = "A test."
@@ -146,6 +149,19 @@ def test_every_environment_must_finish_an_episode_and_the_advice_works(settings,
     with pytest.raises(CardError, match=advice) as caught:
         card.check_rollout()
     card.with_settings([str(caught.value).rpartition("--set ")[2]]).check_rollout()
+
+
+@pytest.mark.parametrize(
+    ("env_id", "message"),
+    [
+        ("repaint-tests/Endless-v0", "has no time limit, .* register it with max_episode_steps"),
+        ("Nothing-v0", "gymnasium has no environment 'Nothing-v0'"),
+        ("nothing:Nothing-v0", "gymnasium has no environment 'nothing:Nothing-v0'"),
+    ],
+)
+def test_environments_must_exist_and_end(env_id, message):
+    with pytest.raises(CardError, match=message):
+        read_task("reacher").with_settings([f"env.id={env_id}"]).check_rollout()
 
 
 def test_evaluation_starts_are_spread_and_training_starts_go_on():
