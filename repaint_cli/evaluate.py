@@ -6,7 +6,7 @@ import numpy as np
 
 from repaint_cli.learn.rollout import Policy, Rollout, collect, start
 from repaint_cli.learn.seeding import Purpose, env_seeds, generator
-from repaint_cli.nets import ActorCritic
+from repaint_cli.nets import ActorCritic, Spaces
 from repaint_cli.tasks import GymEnv, RacerEnv, TaskCard
 
 RACER_RECORDS = ("x", "y", "heading", "speed", "steering", "progress", "status")
@@ -54,6 +54,30 @@ class Episodes:
         ends = self.lengths[None] - 1
         last: np.ndarray = np.take_along_axis(self.records[name], ends, axis=0)[0]
         return last
+
+
+def spaces_of(task: TaskCard) -> Spaces:
+    """Return what policies of a task read and write.
+
+    Raises:
+        CardError: the task's environment cannot be made or lacks a reward term.
+    """
+    return try_out(task)[0]
+
+
+def try_out(task: TaskCard) -> tuple[Spaces, dict[str, float]]:
+    """Take a random first step in a task; return its spaces and the reward terms of the step.
+
+    Raises:
+        CardError: the task's environment cannot be made or lacks a reward term.
+    """
+    env = task.make_env(1)
+    spaces = Spaces.of(env.single_observation_space, env.single_action_space)
+    env.reset(seed=[0])
+    env.action_space.seed(0)
+    *_, info = env.step(env.action_space.sample())
+    env.close()
+    return spaces, dict(zip(env.names, info["reward_terms"][0].tolist(), strict=True))
 
 
 def evaluate(

@@ -1,7 +1,5 @@
 """A run: train, evaluate, record, checkpoint. Its folder is all that remains and all one needs."""
 
-import csv
-import io
 import json
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -11,28 +9,19 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
-import numpy as np
 import torch
 
 from repaint_cli import checkpoint, zoo
 from repaint_cli.config import METHODS, TransferConfig
 from repaint_cli.errors import CheckpointError, StoreError, TeacherMismatch
-from repaint_cli.evaluate import Episodes, evaluate
+from repaint_cli.evaluate import evaluate, spaces_of
 from repaint_cli.files import sha256, write_text
 from repaint_cli.learn.seeding import Purpose
-from repaint_cli.learn.trainer import IterationStats, Learner, train
+from repaint_cli.learn.trainer import Learner, train
+from repaint_cli.metrics import COLUMNS, Report, append_csv
 from repaint_cli.nets import ActorCritic, Spaces
 from repaint_cli.report.statistics import mean_ci
 from repaint_cli.tasks import TaskCard
-
-COLUMNS = (
-    "iteration", "seed", "phase", "env_steps", "eval_return", "eval_return_std", "eval_length",
-    "eval_progress", "episode_return", "episode_length", "policy_loss", "value_loss", "entropy",
-    "approx_kl", "clip_fraction", "explained_variance", "kickstart_coef", "cross_entropy",
-    "kept_fraction", "kept_advantage", "kept_reward", "student_reward", "log_ratio",
-    "steps_per_second", "seconds",
-)  # fmt: skip
-"""Of metrics.csv, one row per iteration and seed."""
 
 CHECKPOINT = "checkpoint.safetensors"
 """All that the learner is after the last finished iteration."""
@@ -55,46 +44,6 @@ class Plan:
     def transfer(self) -> TransferConfig:
         """What the method leaves of the task's transfer settings."""
         return METHODS[self.method].apply(self.task.transfer)
-
-
-@dataclass(frozen=True)
-class Report:
-    """An iteration and the evaluation after it."""
-
-    stats: IterationStats
-    evaluation: Episodes
-    seconds: float
-    """Since the run began."""
-
-    @property
-    def rows(self) -> list[dict[str, Any]]:
-        """The rows of metrics.csv but for the seed's name, one per seed."""
-        played, numbers = self.evaluation, self.stats.numbers
-        per_seed = numbers | {
-            "eval_return": played.returns.mean(1),
-            "eval_return_std": played.returns.std(1),
-            "eval_length": played.lengths.mean(1),
-        }
-        if played.progress is not None:
-            per_seed["eval_progress"] = played.progress.mean(1)
-        shared = {"iteration": self.stats.iteration, "phase": self.stats.phase}
-        n_seeds = len(played.returns)
-        return [
-            shared | {"seconds": self.seconds} | {name: n[s] for name, n in per_seed.items()}
-            for s in range(n_seeds)
-        ]
-
-    @property
-    def warning(self) -> str | None:
-        """What looks like negative transfer in this iteration."""
-        kept, own = self.stats.numbers.get("kept_reward"), self.stats.numbers.get("student_reward")
-        if kept is None or own is None or not (kept < own).any():
-            return None
-        return (
-            f"iteration {self.stats.iteration}: the kept teacher samples were paid less per "
-            f"step than the student itself ({np.nanmean(kept):.3g} < {own.mean():.3g}): "
-            "negative transfer?"
-        )
 
 
 @dataclass(frozen=True)
@@ -260,49 +209,6 @@ def score(network: ActorCritic, task: TaskCard, seed: int) -> zoo.Score:
     if played.progress is not None:
         progress, laps = float(played.progress.mean()), int((played.progress >= 100).sum())
     return zoo.Score(mean=mean, low=low, high=high, episodes=episodes, progress=progress, laps=laps)
-
-
-def spaces_of(task: TaskCard) -> Spaces:
-    """Return what policies of a task read and write.
-
-    Raises:
-        CardError: the task's environment cannot be made or lacks a reward term.
-    """
-    return try_out(task)[0]
-
-
-def try_out(task: TaskCard) -> tuple[Spaces, dict[str, float]]:
-    """Take a random first step in a task; return its spaces and the reward terms of the step.
-
-    Raises:
-        CardError: the task's environment cannot be made or lacks a reward term.
-    """
-    env = task.make_env(1)
-    spaces = Spaces.of(env.single_observation_space, env.single_action_space)
-    env.reset(seed=[0])
-    env.action_space.seed(0)
-    *_, info = env.step(env.action_space.sample())
-    env.close()
-    return spaces, dict(zip(env.names, info["reward_terms"][0].tolist(), strict=True))
-
-
-def append_csv(path: Path, rows: list[dict[str, Any]]) -> None:
-    """Add rows to metrics.csv; a column without a number stays empty.
-
-    Raises:
-        StoreError: the disk is full or the file cannot be written.
-    """
-    text = io.StringIO()
-    csv.DictWriter(text, COLUMNS, lineterminator="\n").writerows(
-        {name: _cell(value) for name, value in row.items()} for row in rows
-    )
-    write_text(path, path.read_text(encoding="utf-8") + text.getvalue())
-
-
-def _cell(value: Any) -> Any:
-    if isinstance(value, float | np.floating):
-        return "" if np.isnan(value) else f"{value:.6g}"
-    return value
 
 
 def versions() -> dict[str, str]:

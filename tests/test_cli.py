@@ -16,7 +16,7 @@ from repaint_cli.cli.app import app
 from repaint_cli.cli.options import parse_ratio, seed_list
 from repaint_cli.errors import RenderError
 from repaint_cli.learn.trainer import IterationStats
-from repaint_cli.runs import Report
+from repaint_cli.metrics import Report
 
 SCRATCH = ["transfer", "--task", "reacher", "--method", "scratch", *QUICK]
 

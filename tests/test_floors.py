@@ -9,11 +9,11 @@ from repaint_cli.paths import PACKAGE
 
 FLOORS = [
     {"repaint_cli", "errors", "paths", "config"},
-    {"files", "envs", "distributions", "report.statistics"},
+    {"files", "envs", "distributions", "normalizer", "report.statistics"},
     {"tasks", "nets"},
-    {"learn"},
+    {"learn", "similarity"},
     {"evaluate", "checkpoint", "history"},
-    {"zoo"},
+    {"zoo", "metrics"},
     {"runs"},
     {"report"},
     {"cli"},
@@ -21,10 +21,10 @@ FLOORS = [
 ]
 """From the cellar up: packages, or modules that live on another floor than their package."""
 
-KNOW_TORCH = {"distributions", "nets", "learn", "checkpoint", "runs", "report"}
+KNOW_TORCH = {"distributions", "normalizer", "nets", "learn", "checkpoint", "runs", "report"}
 """All others leave it out, so that `repaint --help` and `repaint similarity` are quick."""
 
-KNOW_NO_FILES = {"envs", "learn", "distributions", "nets", "report.statistics"}
+KNOW_NO_FILES = {"envs", "learn", "distributions", "normalizer", "nets", "report.statistics"}
 
 MODULES = {
     ".".join(path.relative_to(PACKAGE).with_suffix("").parts).removesuffix(".__init__"): path

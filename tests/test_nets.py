@@ -11,7 +11,8 @@ from torch.testing import assert_close
 
 from repaint_cli.config import NetConfig
 from repaint_cli.errors import CardError
-from repaint_cli.nets import ActorCritic, Normalizer, Spaces, brightness
+from repaint_cli.nets import ActorCritic, Spaces, brightness
+from repaint_cli.normalizer import Normalizer
 
 VECTOR = Spaces((3,), 2, discrete=False)
 PICTURE = Spaces((24, 24, 1), 4, discrete=True)

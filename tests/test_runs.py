@@ -19,10 +19,11 @@ from repaint_cli import runs
 from repaint_cli.checkpoint import load, load_networks
 from repaint_cli.cli.tasks import to_toml
 from repaint_cli.errors import CardError, CheckpointError, DivergedError, NotFound
+from repaint_cli.evaluate import spaces_of
 from repaint_cli.files import sha256
 from repaint_cli.history import newest_run, read_run
+from repaint_cli.metrics import COLUMNS
 from repaint_cli.nets import ActorCritic
-from repaint_cli.runs import COLUMNS, spaces_of
 from repaint_cli.tasks import TaskCard, read_task
 
 SCRATCH = ["transfer", "--method", "scratch", "--task", "reacher", "--run", "run", *QUICK]

@@ -7,7 +7,8 @@ import sys
 import pytest
 from tiny_runs import add_teacher
 
-from repaint_cli.tasks import TaskCard, cosine, read_task, relation, shipped_tasks
+from repaint_cli.similarity import cosine, relation
+from repaint_cli.tasks import TaskCard, read_task, shipped_tasks
 
 ANT = ("forward", "survive", "ctrl", "contact")
 MULTI_CAR = ("keep", "clear", "hazard", "camlane", "dprog", "fail")

@@ -13,10 +13,10 @@ from repaint_cli.distributions import Gaussian
 from repaint_cli.errors import DivergedError
 from repaint_cli.learn import update
 from repaint_cli.learn.advantages import Samples
+from repaint_cli.learn.optimizer import RowAdam
 from repaint_cli.learn.rollout import Frames
 from repaint_cli.learn.update import (
     Means,
-    RowAdam,
     instance_loss,
     learn_from_instances,
     learn_on_policy,

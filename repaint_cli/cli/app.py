@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 from rich.console import Console
 from rich.markup import escape
+from typer.exceptions import Abort, TyperException
 
 from repaint_cli import __version__
 from repaint_cli.cli.compare import compare
@@ -52,12 +53,22 @@ def about(
 
 def main() -> None:
     """Run a command; turn what the program can explain into one line on stderr and an exit code."""
+    words = [word for word in sys.argv[1:] if word != DEBUG]
     try:
-        app()
+        sys.exit(app(words or ["--help"], standalone_mode=False))
     except RepaintError as error:
         if DEBUG in sys.argv:
             raise
-        Console(stderr=True, soft_wrap=True).print(f"[red]error:[/red] {escape(str(error))}")
+        _complain(str(error))
         sys.exit(error.exit_code)
-    except KeyboardInterrupt:
+    except TyperException as error:
+        if error.format_message():  # a group without a command shows its help instead
+            command = getattr(getattr(error, "ctx", None), "command_path", "repaint")
+            _complain(f"{error.format_message()} See: {command} --help")
+        sys.exit(2)
+    except (KeyboardInterrupt, Abort):
         sys.exit(130)
+
+
+def _complain(message: str) -> None:
+    Console(stderr=True, soft_wrap=True).print(f"[red]error:[/red] {escape(message)}")

@@ -11,14 +11,14 @@ from repaint_cli.cli.options import customize, seed_list
 from repaint_cli.cli.screen import out
 from repaint_cli.cli.session import say_written
 from repaint_cli.errors import CardError, RenderError, TeacherMismatch
-from repaint_cli.evaluate import Episodes, evaluate
+from repaint_cli.evaluate import Episodes, evaluate, spaces_of
 from repaint_cli.files import write_text
 from repaint_cli.history import newest_run, read_run
 from repaint_cli.learn.seeding import Purpose
 from repaint_cli.nets import ActorCritic
 from repaint_cli.report.pictures import draw_trajectories, film
 from repaint_cli.report.statistics import mean_ci
-from repaint_cli.runs import spaces_of, stamp
+from repaint_cli.runs import stamp
 from repaint_cli.tasks import GymEnv, TaskCard, read_task
 
 FILMED = {"gymnasium": 5, "racer": 1}
@@ -35,6 +35,8 @@ class Subject:
     task: TaskCard
     folder: Path
     """Where to write what is found."""
+    following: str
+    """The next command worth typing."""
 
 
 def subject(what: str | None, task: str | None, root: Path) -> Subject:
@@ -47,7 +49,8 @@ def subject(what: str | None, task: str | None, root: Path) -> Subject:
     """
     card = read_task(task) if task else None
     folder = newest_run(root) if what is None else Path(what)
-    if folder.is_dir():
+    is_run = (folder / "run.json").is_file()
+    if what is None or is_run or (folder.is_dir() and what not in zoo.teachers()):
         run = read_run(folder)
         network = ActorCritic(spaces_of(run.task), run.task.net, len(run.record["seeds"]))
         checkpoint.load_networks(folder / "checkpoint.safetensors", network)
@@ -57,7 +60,8 @@ def subject(what: str | None, task: str | None, root: Path) -> Subject:
                 f"task '{card.name}' has {spaces_of(card)}"
             )
         name = f"{run.task.name} · {run.label} · iteration {run.returns.shape[1]}"
-        return Subject(name, network, run.record["seeds"], card or run.task, folder)
+        following = f"repaint compare {folder.parent}/*"
+        return Subject(name, network, run.record["seeds"], card or run.task, folder, following)
     path = zoo.find(str(what))
     network, teacher = zoo.load_teacher(path)
     if card:
@@ -65,7 +69,7 @@ def subject(what: str | None, task: str | None, root: Path) -> Subject:
     target = card or teacher.task
     name = teacher.name if target == teacher.task else f"{teacher.name} on {target.name}"
     folder = root / target.name / f"eval-{teacher.name}-{stamp()}"
-    return Subject(name, network, [teacher.seed], target, folder)
+    return Subject(name, network, [teacher.seed], target, folder, f"repaint similarity {what}")
 
 
 def examine(
@@ -93,9 +97,9 @@ def examine(
             film(task, played, who.folder / "video.mp4", who.name, wanted)
             written.append(who.folder / "video.mp4")
         except RenderError:
-            say_written(written, "repaint eval")
+            say_written(written, who.following)
             raise
-    say_written(written, f"repaint compare {who.folder.parent}/*")
+    say_written(written, who.following)
 
 
 def on_gymnasium(task: TaskCard) -> TaskCard:

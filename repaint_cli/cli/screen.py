@@ -9,7 +9,8 @@ from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.text import Text
 
-from repaint_cli.runs import Experiment, Report
+from repaint_cli.metrics import Report
+from repaint_cli.runs import Experiment
 
 out = Console(soft_wrap=True, highlight=False)
 

@@ -10,7 +10,7 @@ from repaint_cli.errors import NotFound, StoreError
 from repaint_cli.files import check_writable
 from repaint_cli.history import read_run
 from repaint_cli.paths import user_zoo
-from repaint_cli.report.events import Events
+from repaint_cli.report.events import Events, require_tensorboard
 from repaint_cli.report.pictures import draw_run
 from repaint_cli.runs import CHECKPOINT, Experiment, Plan, stamp
 
@@ -60,6 +60,8 @@ def carry_out(plan: Plan, tensorboard: bool, teacher: tuple[str, Path] | None = 
         tensorboard: whether to write events too.
         teacher: the name and the zoo under which to keep the best evaluated policy.
     """
+    if tensorboard:
+        require_tensorboard()
     experiment = Experiment(plan)
     events = Events(plan.folder / "tensorboard", plan.seeds) if tensorboard else nullcontext()
     interrupted = False

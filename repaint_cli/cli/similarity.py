@@ -20,7 +20,8 @@ def similarity(
 
     The relation is directed: a row's task as the teacher, a column's as the target.
     """
-    from repaint_cli.tasks import cosine, relation, shipped_tasks
+    from repaint_cli.similarity import cosine, relation
+    from repaint_cli.tasks import shipped_tasks
 
     cards = [_card(name) for name in names or shipped_tasks()]
     if len(cards) == 1:
@@ -59,7 +60,7 @@ def _print_matrix(cards: "list[TaskCard]") -> None:
     from rich.console import Console
     from rich.table import Table
 
-    from repaint_cli.tasks import cosine, relation
+    from repaint_cli.similarity import cosine, relation
 
     out, left = Console(), list(cards)
     while left:

@@ -61,7 +61,7 @@ def copy(
 @tasks.command()
 def check(name: Name) -> None:
     """Check a card: its settings, its environment, its reward terms, one random step."""
-    from repaint_cli.runs import try_out
+    from repaint_cli.evaluate import try_out
 
     card = read_task(name)
     spaces, paid = try_out(card)

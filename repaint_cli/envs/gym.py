@@ -35,9 +35,9 @@ def make_gym(
         CardError: Gymnasium does not know the id or refuses the arguments.
     """
     checked = env_id in ENVPOOL_IDS and not kwargs
-    if backend == "envpool" or (backend == "auto" and checked and find_spec("envpool")):
-        return EnvPoolVector(env_id, n_envs)
     try:
+        if backend == "envpool" or (backend == "auto" and checked and find_spec("envpool")):
+            return EnvPoolVector(env_id, n_envs)
         return gymnasium.make_vec(
             env_id,
             num_envs=n_envs,
@@ -45,9 +45,9 @@ def make_gym(
             vector_kwargs={"autoreset_mode": AutoresetMode.NEXT_STEP},
             **kwargs,
         )
-    except (gymnasium.error.Error, TypeError, ImportError) as error:
-        reason = str(error).splitlines()[0]
-        raise CardError(f"gymnasium cannot make '{env_id}': {reason}") from error
+    except Exception as error:  # other people's constructors raise what they like
+        reason = (str(error).strip() or type(error).__name__).splitlines()[0]
+        raise CardError(f"cannot make the environment '{env_id}': {reason}") from error
 
 
 class EnvPoolVector(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):

@@ -11,6 +11,7 @@ from repaint_cli.config import PPOConfig, TransferConfig
 from repaint_cli.errors import DivergedError
 from repaint_cli.learn import schedules
 from repaint_cli.learn.advantages import Samples, describe, to_samples
+from repaint_cli.learn.optimizer import RowAdam
 from repaint_cli.learn.rollout import Policy, Rollout, collect, start
 from repaint_cli.learn.seeding import Purpose, generator
 from repaint_cli.learn.selection import (
@@ -21,7 +22,6 @@ from repaint_cli.learn.selection import (
     standardize,
 )
 from repaint_cli.learn.update import (
-    RowAdam,
     learn_from_instances,
     learn_on_policy,
     masked_mean,

@@ -1,27 +1,30 @@
 """TensorBoard events of a run, for those who watch there."""
 
+from importlib.util import find_spec
 from pathlib import Path
 from types import TracebackType
 
 from repaint_cli.errors import RepaintError
-from repaint_cli.runs import Report
+from repaint_cli.metrics import Report
+
+
+def require_tensorboard() -> None:
+    """Check that TensorBoard is installed.
+
+    Raises:
+        RepaintError: it is not.
+    """
+    if find_spec("tensorboard") is None:
+        raise RepaintError("--tensorboard needs TensorBoard: pip install 'repaint-rl[tensorboard]'")
 
 
 class Events:
     """Writes the numbers of metrics.csv as scalars, a writer per seed."""
 
     def __init__(self, folder: Path, seeds: list[int]) -> None:
-        """Open the writers.
+        """Open the writers."""
+        from torch.utils.tensorboard import SummaryWriter
 
-        Raises:
-            RepaintError: TensorBoard is not installed.
-        """
-        try:
-            from torch.utils.tensorboard import SummaryWriter
-        except ImportError as error:
-            raise RepaintError(
-                "--tensorboard needs TensorBoard: pip install 'repaint-rl[tensorboard]'"
-            ) from error
         self._writers = [SummaryWriter(str(folder / f"seed-{seed}")) for seed in seeds]
 
     def __enter__(self) -> "Events":

@@ -7,12 +7,12 @@ import numpy as np
 
 from repaint_cli.evaluate import Episodes
 from repaint_cli.history import Run
+from repaint_cli.metrics import Report
 from repaint_cli.report.curves import plot_curves
 from repaint_cli.report.offscreen import Episode, render_gym
 from repaint_cli.report.racer_film import Drive, racer_frames
 from repaint_cli.report.trajectories import Paths, plot_racer, plot_reacher
 from repaint_cli.report.video import write_video
-from repaint_cli.runs import Report
 from repaint_cli.tasks import GymEnv, RacerEnv, TaskCard, load_track
 
 PANELS = 6

@@ -1,0 +1,81 @@
+"""The numbers of an iteration: the rows of metrics.csv, and what a screen shows."""
+
+import csv
+import io
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from repaint_cli.evaluate import Episodes
+from repaint_cli.files import write_text
+from repaint_cli.learn.trainer import IterationStats
+
+COLUMNS = (
+    "iteration", "seed", "phase", "env_steps", "eval_return", "eval_return_std", "eval_length",
+    "eval_progress", "episode_return", "episode_length", "policy_loss", "value_loss", "entropy",
+    "approx_kl", "clip_fraction", "explained_variance", "kickstart_coef", "cross_entropy",
+    "kept_fraction", "kept_advantage", "kept_reward", "student_reward", "log_ratio",
+    "steps_per_second", "seconds",
+)  # fmt: skip
+"""Of metrics.csv, one row per iteration and seed."""
+
+
+@dataclass(frozen=True)
+class Report:
+    """An iteration and the evaluation after it."""
+
+    stats: IterationStats
+    evaluation: Episodes
+    seconds: float
+    """Since the run began."""
+
+    @property
+    def rows(self) -> list[dict[str, Any]]:
+        """The rows of metrics.csv but for the seed's name, one per seed."""
+        played, numbers = self.evaluation, self.stats.numbers
+        per_seed = numbers | {
+            "eval_return": played.returns.mean(1),
+            "eval_return_std": played.returns.std(1),
+            "eval_length": played.lengths.mean(1),
+        }
+        if played.progress is not None:
+            per_seed["eval_progress"] = played.progress.mean(1)
+        shared = {"iteration": self.stats.iteration, "phase": self.stats.phase}
+        n_seeds = len(played.returns)
+        return [
+            shared | {"seconds": self.seconds} | {name: n[s] for name, n in per_seed.items()}
+            for s in range(n_seeds)
+        ]
+
+    @property
+    def warning(self) -> str | None:
+        """What looks like negative transfer in this iteration."""
+        kept, own = self.stats.numbers.get("kept_reward"), self.stats.numbers.get("student_reward")
+        if kept is None or own is None or not (kept < own).any():
+            return None
+        return (
+            f"iteration {self.stats.iteration}: the kept teacher samples were paid less per "
+            f"step than the student itself ({np.nanmean(kept):.3g} < {own.mean():.3g}): "
+            "negative transfer?"
+        )
+
+
+def append_csv(path: Path, rows: list[dict[str, Any]]) -> None:
+    """Add rows to metrics.csv; a column without a number stays empty.
+
+    Raises:
+        StoreError: the disk is full or the file cannot be written.
+    """
+    text = io.StringIO()
+    csv.DictWriter(text, COLUMNS, lineterminator="\n").writerows(
+        {name: _cell(value) for name, value in row.items()} for row in rows
+    )
+    write_text(path, path.read_text(encoding="utf-8") + text.getvalue())
+
+
+def _cell(value: Any) -> Any:
+    if isinstance(value, float | np.floating):
+        return "" if np.isnan(value) else f"{value:.6g}"
+    return value

@@ -1,0 +1,44 @@
+"""The running normaliser of observations: part of the policy, saved and loaded with it."""
+
+import torch
+from torch import Tensor
+
+
+class Normalizer:
+    """Running mean and standard deviation of each seed's observations, part of the policy.
+
+    Observations leave it as clip((x − mean) / max(std, 0.1), ±5); before its first update unchanged
+    but clipped.
+    """
+
+    def __init__(self, n_seeds: int, n_features: int) -> None:
+        self.mean = torch.zeros(n_seeds, n_features, dtype=torch.float64)
+        self.var = torch.ones(n_seeds, n_features, dtype=torch.float64)
+        self.count = torch.zeros(n_seeds, dtype=torch.float64)
+        self._refresh()
+
+    def _refresh(self) -> None:
+        self._shift = self.mean.float().unsqueeze(1)  # (S, 1, O)
+        self._scale = 1 / self.var.sqrt().clamp(min=0.1).float().unsqueeze(1)
+
+    def normalize(self, obs: Tensor) -> Tensor:
+        """Return normalised observations (S, B, O) float32."""
+        return ((obs - self._shift) * self._scale).clamp(-5, 5)
+
+    def update(self, seed: int, obs: Tensor) -> None:
+        """Take a seed's new observations (B, O) into its statistics (Chan et al. 1979)."""
+        x = obs.double()
+        n, m = self.count[seed], len(x)
+        delta = x.mean(0) - self.mean[seed]
+        spread = n * self.var[seed] + m * x.var(0, correction=0) + delta**2 * n * m / (n + m)
+        self.mean[seed] += delta * m / (n + m)
+        self.var[seed] = spread / (n + m)
+        self.count[seed] = n + m
+        self._refresh()
+
+    def load(self, state: dict[str, Tensor]) -> None:
+        """Put statistics `mean`, `var` (S, O) and `count` (S,) in place."""
+        self.mean.copy_(state["mean"])
+        self.var.copy_(state["var"])
+        self.count.copy_(state["count"])
+        self._refresh()

@@ -1,0 +1,36 @@
+"""How alike two tasks are, by the weights of their reward terms (paper, section 5)."""
+
+from math import sqrt
+
+from repaint_cli.tasks import GymEnv, TaskCard
+
+
+def cosine(first: TaskCard, second: TaskCard) -> float | None:
+    """Return the similarity of two tasks, or None where their terms or environments differ.
+
+    sim(r₁, r₂) = w₁·w₂ / (‖w₁‖‖w₂‖)      (paper, equation 5)
+    """
+    w1, w2 = first.reward, second.reward
+    if _world(first) != _world(second) or set(w1) != set(w2):
+        return None
+    dot = sum(w1[name] * w2[name] for name in w1)
+    return dot / sqrt(sum(w * w for w in w1.values()) * sum(w * w for w in w2.values()))
+
+
+def relation(teacher: TaskCard, target: TaskCard) -> str:
+    """Return the paper's verdict on a teacher's task for a target task (section 5).
+
+    "similar" where the cosine is above 0, else "different"; and "sub-task" where the teacher's
+    weight is 0 on a term whose weight in the target is not. The last is directed: swap the two and
+    it may vanish.
+    """
+    similarity = cosine(teacher, target)
+    if similarity is None:
+        return "not comparable"
+    part = any(weight == 0 and target.reward[name] != 0 for name, weight in teacher.reward.items())
+    return ("similar" if similarity > 0 else "different") + (", sub-task" if part else "")
+
+
+def _world(card: TaskCard) -> tuple[str, ...]:
+    env = card.env
+    return (env.simulator, env.id) if isinstance(env, GymEnv) else (env.simulator,)
