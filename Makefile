@@ -3,7 +3,7 @@ PYTHON ?= python3.11
 BIN := .venv/bin
 STAMP := .venv/.installed
 
-.PHONY: demo test test-slow check bench
+.PHONY: demo test test-slow check
 
 $(STAMP): pyproject.toml constraints.txt
 	$(PYTHON) -m venv .venv
@@ -24,6 +24,3 @@ test: check
 
 test-slow: $(STAMP)
 	$(BIN)/pytest -m slow
-
-bench: $(STAMP)
-	$(BIN)/python benchmarks/methods.py --help
