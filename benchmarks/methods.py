@@ -52,7 +52,7 @@ def paper_numbers(task: str) -> tuple[str, ...]:
     lasts, threshold = (4, 0.2) if task.startswith("racer") else (15, 0.8)
     return sets(
         select__scale="none", select__threshold=threshold, transfer__iterations=lasts,
-        transfer__kickstart_coef=0.2, transfer__teacher_min_std=0, transfer__teacher_temperature=1,
+        transfer__kickstart_coef=0.2, transfer__teacher_min_std=0, transfer__teacher_temperature=1, transfer__alpha_2=1,
     )  # fmt: skip
 
 
@@ -85,9 +85,10 @@ def choose_rows(task: str) -> Iterator[Row]:
             basis += SPREAD[task]
             given = f"{teacher}, β₀={beta}, K={length}"
             yield Row(f"kickstart from {given}", "kickstart", teacher, basis)
-            for scale in ("teacher-batch", "student-batch", "none"):
-                options = basis + sets(select__scale=scale)
-                yield Row(f"repaint from {given}, {scale}", "repaint", teacher, options)
+            for scale, alpha in product(("teacher-batch", "student-batch", "none"), ALPHAS[task]):
+                options = basis + sets(select__scale=scale, transfer__alpha_2=alpha)
+                label = f"repaint from {given}, {scale}" + (f", α₂={alpha}" if alpha != 1 else "")
+                yield Row(label, "repaint", teacher, options)
         if task == "reacher":
             sharp = sets(transfer__teacher_min_std=0, select__scale="teacher-batch")
             sharp += sets(transfer__kickstart_coef=0.2, transfer__iterations=15)
@@ -97,6 +98,7 @@ def choose_rows(task: str) -> Iterator[Row]:
 TEACHERS = {"reacher": ("reacher-gentle", "reacher-away"), "racer-outer": ("racer-inner",)}
 BETAS = {"reacher": (0.2, 1.0), "racer-outer": (0.2,)}
 LENGTHS = {"reacher": (15, 4), "racer-outer": (4,)}
+ALPHAS = {"reacher": (1,), "racer-outer": (1, 0.1)}
 SPREAD = {"reacher": sets(transfer__teacher_min_std=0.4), "racer-outer": ()}
 PLANS = {
     ("readme", "reacher"): ("0", "3", "20"),
