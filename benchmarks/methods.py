@@ -52,7 +52,8 @@ def paper_numbers(task: str) -> tuple[str, ...]:
     lasts, threshold = (4, 0.2) if task.startswith("racer") else (15, 0.8)
     return sets(
         select__scale="none", select__threshold=threshold, transfer__iterations=lasts,
-        transfer__kickstart_coef=0.2, transfer__teacher_min_std=0, transfer__teacher_temperature=1, transfer__alpha_2=1,
+        transfer__kickstart_coef=0.2, transfer__teacher_min_std=0, transfer__teacher_temperature=1,
+        transfer__alpha_2=1,
     )  # fmt: skip
 
 
