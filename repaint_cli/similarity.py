@@ -1,4 +1,4 @@
-"""How alike two tasks are, by the weights of their reward terms (paper, section 5)."""
+"""How alike two tasks are, by the weights of their reward terms (paper, section 6)."""
 
 from math import sqrt
 
@@ -8,7 +8,7 @@ from repaint_cli.tasks import GymEnv, TaskCard
 def cosine(first: TaskCard, second: TaskCard) -> float | None:
     """Return the similarity of two tasks, or None where their terms or environments differ.
 
-    sim(r₁, r₂) = w₁·w₂ / (‖w₁‖‖w₂‖)      (paper, equation 5)
+    sim(r₁, r₂) = w₁·w₂ / (‖w₁‖‖w₂‖)      (paper, equation 4)
     """
     w1, w2 = first.reward, second.reward
     if _world(first) != _world(second) or set(w1) != set(w2):
@@ -18,7 +18,7 @@ def cosine(first: TaskCard, second: TaskCard) -> float | None:
 
 
 def relation(teacher: TaskCard, target: TaskCard) -> str:
-    """Return the paper's verdict on a teacher's task for a target task (section 5).
+    """Return the paper's verdict on a teacher's task for a target task (section 6).
 
     "similar" where the cosine is above 0, else "different"; and "sub-task" where the teacher's
     weight is 0 on a term whose weight in the target is not. The last is directed: swap the two and

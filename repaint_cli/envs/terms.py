@@ -1,4 +1,4 @@
-"""The reward as a weighted sum of named terms, r = w·φ (paper, section 5.2 and equation 5)."""
+"""The reward as a weighted sum of named terms, r = w·φ (paper, section 5.2)."""
 
 from collections.abc import Mapping
 from typing import Any

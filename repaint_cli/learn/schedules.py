@@ -19,7 +19,7 @@ def phase(k: int, transfer: TransferConfig) -> Phase:
     """Return what iteration k does: R representation, then I instance iterations, and again.
 
     1:1 is algorithm 2, whose odd iterations are representation transfer; after K iterations only
-    PPO remains, "to mitigate the bias" of selection (paper, section 4.4).
+    PPO remains, against the bias that selection brings (paper, section 5.1).
     """
     if k > transfer.iterations:
         return "ppo"
