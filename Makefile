@@ -1,9 +1,10 @@
 # Each target sets up .venv if needed and then does its work.
 PYTHON ?= python3.11
 BIN := .venv/bin
+LIGHT := .venv-light/bin
 STAMP := .venv/.installed
 
-.PHONY: demo test test-slow check
+.PHONY: demo test test-slow test-light check
 
 $(STAMP): pyproject.toml constraints.txt
 	$(PYTHON) -m venv .venv
@@ -24,3 +25,11 @@ test: check
 
 test-slow: $(STAMP)
 	$(BIN)/pytest -m slow
+
+# What needs no torch, on another Python: make test-light PYTHON=python3.13
+test-light:
+	$(PYTHON) -m venv --clear .venv-light
+	$(LIGHT)/python tools/without_torch.py | xargs $(LIGHT)/python -m pip install --quiet -c constraints.txt
+	$(LIGHT)/python -m pip install --quiet --no-deps -e .
+	$(LIGHT)/ruff check
+	$(LIGHT)/pytest

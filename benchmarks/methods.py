@@ -1,7 +1,8 @@
-"""Compare methods on one task, side by side: the README's table, and the one defaults come from.
+"""Compare methods on one task, side by side: the README's table, and those defaults come from.
 
+    python benchmarks/methods.py choose reacher     # many candidates for the defaults
+    python benchmarks/methods.py confirm reacher    # the best of them on fresh seeds, for longer
     python benchmarks/methods.py readme reacher     # scratch, kickstart, repaint twice; seeds 0-2
-    python benchmarks/methods.py choose reacher     # candidates for the defaults; their own seeds
 
 Each row is one `repaint transfer` in a process of its own with one thread, two at a time. The runs
 go to runs/methods/, the table to benchmarks/results/ as CSV, a line per row and seed.
@@ -102,16 +103,38 @@ def choose_rows(task: str) -> Iterator[Row]:
             yield Row(label, "repaint", teacher, weak)
 
 
+def confirm_rows(task: str) -> Iterator[Row]:
+    """Yield the choosing table's best, to be told apart on seeds that did not choose them."""
+    yield Row("scratch", "scratch")
+    for teacher, (beta, length, scale) in product(TEACHERS[task], FINALISTS[task]):
+        options = SPREAD[task] + sets(
+            transfer__kickstart_coef=beta,
+            transfer__iterations=length,
+            transfer__alpha_2=min(ALPHAS[task]),
+            select__scale=scale,
+        )
+        label = f"repaint from {teacher}, β₀={beta}, K={length}, {scale}"
+        yield Row(label, "repaint", teacher, options)
+
+
 TEACHERS = {"reacher": ("reacher-gentle", "reacher-away"), "racer-outer": ("racer-inner",)}
 BETAS = {"reacher": (0.2, 1.0), "racer-outer": (0.2,)}
 LENGTHS = {"reacher": (15, 4), "racer-outer": (4,)}
 ALPHAS = {"reacher": (1,), "racer-outer": (1, 0.1)}
 SPREAD = {"reacher": sets(transfer__teacher_min_std=0.4), "racer-outer": ()}
+FINALISTS = {
+    "reacher": ((0.2, 4, "none"), (0.2, 4, "teacher-batch"), (0.2, 15, "teacher-batch")),
+    "racer-outer": ((0.2, 4, "none"), (0.05, 4, "none"), (0.05, 2, "none")),
+}
+"""β₀, K and the scale of ζ."""
+ROWS = {"choose": choose_rows, "confirm": confirm_rows, "readme": readme_rows}
 PLANS = {
     ("readme", "reacher"): ("0", "3", "20"),
     ("readme", "racer-outer"): ("0", "3", "20"),
     ("choose", "reacher"): ("100", "3", "25"),
     ("choose", "racer-outer"): ("100", "2", "8"),
+    ("confirm", "reacher"): ("103", "10", "20"),
+    ("confirm", "racer-outer"): ("102", "3", "20"),
 }
 """First seed, number of seeds, iterations."""
 
@@ -176,12 +199,12 @@ def mean(lines: list[dict[str, object]], name: str) -> float:
 def main() -> None:
     """Run a table's rows and write it."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("table", choices=("readme", "choose"))
+    parser.add_argument("table", choices=sorted(ROWS))
     parser.add_argument("task", choices=sorted(TEACHERS))
     parser.add_argument("--jobs", type=int, default=2)
     chosen = parser.parse_args()
     plan = PLANS[chosen.table, chosen.task]
-    rows = list((readme_rows if chosen.table == "readme" else choose_rows)(chosen.task))
+    rows = list(ROWS[chosen.table](chosen.task))
     root = Path("runs") / "methods" / f"{chosen.table}-{chosen.task}"
     folders = [root / re.sub(r"[^a-z0-9.]+", "-", row.label.lower()) for row in rows]
     with ThreadPoolExecutor(chosen.jobs) as pool:

@@ -1,13 +1,10 @@
 """A task is a card: an environment, the weights w of its reward terms φ, what else differs.
 
-People write cards in TOML; the shipped ones lie in `tasks/`. A card may extend a shipped one and
-then says only what is new. Nothing here imports a simulator before it is needed, so that listing
-and comparing tasks is quick.
+Nothing here imports a simulator before it is needed, so that listing and comparing tasks is quick.
 """
 
 import tomllib
 from collections.abc import Mapping
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import Field, ValidationError, field_validator
@@ -216,53 +213,6 @@ def load_track(name: str) -> Any:
     if name not in known:
         raise NotFound.named("track", name, known, "repaint tasks list")
     return Track.from_waypoints(np.load(folder / f"{name}.npy"), name)
-
-
-def shipped_tasks() -> dict[str, Path]:
-    """Return the shipped cards by name, families together."""
-    return {path.stem: path for path in sorted(shipped("tasks").rglob("*.toml"))}
-
-
-def read_task(name: str) -> TaskCard:
-    """Read a shipped task by name, or a card of one's own by its path (`my-task.toml`).
-
-    Raises:
-        NotFound: there is no such task.
-        CardError: the card says something it may not.
-    """
-    path = Path(name)
-    if path.suffix == ".toml":
-        if not path.is_file():
-            raise NotFound(
-                f"there is no card at '{name}'; start one: repaint tasks copy reacher {name}"
-            )
-    else:
-        known = shipped_tasks()
-        if name not in known:
-            raise NotFound.named("task", name, known, "repaint tasks list")
-        path = known[name]
-    return TaskCard.parse({"name": path.stem} | _resolve(path), str(path))
-
-
-def _resolve(path: Path) -> dict[str, Any]:
-    """Read TOML and merge it over what it extends."""
-    try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise CardError(f"{path}: {error}") from error
-    base = data.pop("extends", None)
-    if base is None:
-        return data
-    known = shipped_tasks()
-    if not isinstance(base, str) or base not in known or known[base] == path:
-        raise NotFound.named("task", str(base), known, "repaint tasks list")
-    return _merge(_resolve(known[base]), data)
-
-
-def _merge(base: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
-    both = {k: (base[k], v) for k, v in over.items() if k in base}
-    parts = {k: _merge(*two) for k, two in both.items() if all(isinstance(v, dict) for v in two)}
-    return base | over | parts
 
 
 def _toml_value(text: str) -> Any:

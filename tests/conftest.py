@@ -1,14 +1,28 @@
 import sys
 from dataclasses import dataclass
+from importlib.util import find_spec
 
 import pytest
-import torch
 from hypothesis import settings
 
 from repaint_cli.cli.app import main
-from repaint_cli.learn import update
 
-torch.set_num_threads(1)
+
+class _NoTorch:
+    """The last to be asked for a module: a test that comes to need torch is skipped."""
+
+    @staticmethod
+    def find_spec(name, path=None, target=None):
+        if name == "torch":
+            pytest.skip("needs torch, which `make test-light` leaves out", allow_module_level=True)
+
+
+if find_spec("torch"):
+    import torch
+
+    torch.set_num_threads(1)
+else:
+    sys.meta_path.append(_NoTorch)
 
 settings.register_profile("repaint", deadline=None, max_examples=50, derandomize=True)
 settings.load_profile("repaint")
@@ -22,6 +36,8 @@ def pytest_configure(config):
 @pytest.fixture
 def batches_of(monkeypatch):
     """Have every call of a loss, by name, note its batch of samples."""
+
+    from repaint_cli.learn import update
 
     def spy_on(name):
         batches, loss = [], getattr(update, name)

@@ -4,7 +4,8 @@ import pytest
 import torch
 from safetensors import safe_open
 from safetensors.torch import save_file
-from tiny_tasks import guess, learner_of, reach, stranger, with_transfer
+from tiny_learners import learner_of, stranger, with_transfer
+from tiny_tasks import guess, reach
 
 from repaint_cli.checkpoint import (
     load,

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-from repaint_cli.tasks import RacerEnv, read_task, shipped_tasks
+from repaint_cli.cards import read_task, shipped_tasks
+from repaint_cli.tasks import RacerEnv
 
 N = 2
 

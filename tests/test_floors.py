@@ -11,7 +11,7 @@ FLOORS = [
     {"repaint_cli", "errors", "paths", "config"},
     {"files", "envs", "distributions", "normalizer", "report.statistics"},
     {"tasks", "nets"},
-    {"learn", "similarity"},
+    {"cards", "learn", "similarity"},
     {"evaluate", "checkpoint", "history"},
     {"zoo", "metrics"},
     {"runs"},

@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from tiny_tasks import learner_of, reach, with_transfer
+from tiny_learners import learner_of, with_transfer
+from tiny_tasks import reach
 
 from repaint_cli import checkpoint
 from repaint_cli.config import METHODS, TransferConfig

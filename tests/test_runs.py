@@ -16,6 +16,7 @@ from gymnasium.spaces import Box
 from tiny_runs import QUICK, QUICK_LAP, add_teacher, files_below, weights_of
 
 from repaint_cli import runs
+from repaint_cli.cards import read_task
 from repaint_cli.checkpoint import load, load_networks
 from repaint_cli.cli.tasks import to_toml
 from repaint_cli.errors import CardError, CheckpointError, DivergedError, NotFound
@@ -24,7 +25,7 @@ from repaint_cli.files import sha256
 from repaint_cli.history import newest_run, read_run
 from repaint_cli.metrics import COLUMNS
 from repaint_cli.nets import ActorCritic
-from repaint_cli.tasks import TaskCard, read_task
+from repaint_cli.tasks import TaskCard
 
 SCRATCH = ["transfer", "--method", "scratch", "--task", "reacher", "--run", "run", *QUICK]
 ALWAYS = {"run.json", "metrics.csv", "checkpoint.safetensors", "curves.png", "trajectories.png"}

@@ -3,7 +3,8 @@ from itertools import product
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
-from tiny_tasks import guess, learner_of, reach, stranger, trained, with_transfer
+from tiny_learners import learner_of, stranger, trained, with_transfer
+from tiny_tasks import guess, reach
 
 from repaint_cli.config import TransferConfig
 from repaint_cli.evaluate import evaluate

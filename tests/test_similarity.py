@@ -3,12 +3,14 @@
 import json
 import subprocess
 import sys
+from shutil import copyfile
 
 import pytest
-from tiny_runs import add_teacher
 
+from repaint_cli.cards import read_task, shipped_tasks
 from repaint_cli.similarity import cosine, relation
-from repaint_cli.tasks import TaskCard, read_task, shipped_tasks
+from repaint_cli.tasks import TaskCard
+from repaint_cli.zoo import teachers
 
 ANT = ("forward", "survive", "ctrl", "contact")
 MULTI_CAR = ("keep", "clear", "hazard", "camlane", "dprog", "fail")
@@ -101,7 +103,8 @@ def test_json_is_for_scripts(repaint):
 
 
 def test_a_teacher_stands_for_its_task_and_a_card_for_itself(repaint, home):
-    add_teacher(home / "home" / "zoo", "old-hand", task="reacher-gentle")
+    (home / "home" / "zoo").mkdir(parents=True)
+    copyfile(teachers()["reacher-gentle"], home / "home" / "zoo" / "old-hand.safetensors")
     repaint("tasks", "copy", "reacher", "mine.toml")
     assert "0.894" in repaint("similarity", "old-hand", "mine.toml").out
 

@@ -6,9 +6,10 @@ import gymnasium
 import pytest
 from tiny_tasks import Reach, guess, reach
 
+from repaint_cli.cards import read_task, shipped_tasks
 from repaint_cli.cli.tasks import to_toml
 from repaint_cli.errors import CardError, NotFound
-from repaint_cli.tasks import TaskCard, read_task, shipped_tasks
+from repaint_cli.tasks import TaskCard
 
 gymnasium.register("repaint-tests/Endless-v0", Reach, disable_env_checker=True)
 

@@ -3,7 +3,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 import torch
-from tiny_tasks import guess, learner_of, reach, spaces_of, stranger, trained, with_transfer
+from tiny_learners import learner_of, spaces_of, stranger, trained, with_transfer
+from tiny_tasks import guess, reach
 from torch.testing import assert_close
 
 from repaint_cli.config import METHODS, TransferConfig

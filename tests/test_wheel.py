@@ -10,9 +10,9 @@ import pytest
 ROOT = Path(__file__).parents[1]
 
 LOOK = """
-from repaint_cli import paths, tasks, zoo
+from repaint_cli import cards, paths, tasks, zoo
 assert "site" in str(paths.PACKAGE), paths.PACKAGE
-print(*tasks.shipped_tasks())
+print(*cards.shipped_tasks())
 print(*zoo.teachers())
 print(tasks.load_track("oval").name)
 """

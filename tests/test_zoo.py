@@ -7,10 +7,10 @@ import torch
 from tiny_runs import REACHER, add_teacher, weights_of
 
 from repaint_cli import zoo
+from repaint_cli.cards import read_task, shipped_tasks
 from repaint_cli.errors import CheckpointError, NotFound, RepaintError, StoreError, TeacherMismatch
 from repaint_cli.nets import ActorCritic, Spaces
 from repaint_cli.paths import shipped
-from repaint_cli.tasks import read_task, shipped_tasks
 
 SHIPPED = sorted(shipped("zoo").glob("*.safetensors"))
 

@@ -4,10 +4,10 @@ import numpy as np
 import torch
 
 from repaint_cli import zoo
+from repaint_cli.cards import read_task
 from repaint_cli.checkpoint import policy_tensors
 from repaint_cli.nets import ActorCritic, Spaces
 from repaint_cli.runs import versions
-from repaint_cli.tasks import read_task
 
 REACHER = Spaces((10,), 2, False)
 QUICK = [

@@ -7,6 +7,7 @@ from pathlib import Path
 from rich.table import Table
 
 from repaint_cli import checkpoint, zoo
+from repaint_cli.cards import read_task
 from repaint_cli.cli.options import customize, seed_list
 from repaint_cli.cli.screen import out
 from repaint_cli.cli.session import say_written
@@ -19,7 +20,7 @@ from repaint_cli.nets import ActorCritic
 from repaint_cli.report.pictures import draw_trajectories, film
 from repaint_cli.report.statistics import mean_ci
 from repaint_cli.runs import stamp
-from repaint_cli.tasks import GymEnv, TaskCard, read_task
+from repaint_cli.tasks import GymEnv, TaskCard
 
 FILMED = {"gymnasium": 5, "racer": 1}
 """Episodes in a video, by simulator."""

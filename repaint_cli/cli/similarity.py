@@ -20,8 +20,8 @@ def similarity(
 
     The relation is directed: a row's task as the teacher, a column's as the target.
     """
+    from repaint_cli.cards import shipped_tasks
     from repaint_cli.similarity import cosine, relation
-    from repaint_cli.tasks import shipped_tasks
 
     cards = [_card(name) for name in names or shipped_tasks()]
     if len(cards) == 1:
@@ -43,8 +43,8 @@ def similarity(
 def _card(name: str) -> "TaskCard":
     """Read a task's card, or the card inside a teacher."""
     from repaint_cli import zoo
+    from repaint_cli.cards import read_task, shipped_tasks
     from repaint_cli.errors import NotFound
-    from repaint_cli.tasks import read_task, shipped_tasks
 
     if name.endswith(".toml") or name in shipped_tasks():
         return read_task(name)

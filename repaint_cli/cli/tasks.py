@@ -7,9 +7,10 @@ from typing import Annotated, Any
 
 import typer
 
+from repaint_cli.cards import read_task, shipped_tasks
 from repaint_cli.errors import StoreError
 from repaint_cli.files import write_text
-from repaint_cli.tasks import TaskCard, read_task, shipped_tasks
+from repaint_cli.tasks import TaskCard
 
 tasks = typer.Typer(no_args_is_help=True, help="List, show, copy and check task cards.")
 Name = Annotated[str, typer.Argument(help="A task's name, or a card of your own.")]

@@ -24,10 +24,10 @@ def train_teacher(
     tensorboard: options.TensorBoard = False,
 ) -> None:
     """Train a teacher from scratch and put its best evaluated policy into your zoo."""
+    from repaint_cli.cards import read_task
     from repaint_cli.cli.session import carry_out, new_folder, new_teacher_name
     from repaint_cli.paths import user_zoo
     from repaint_cli.runs import Plan
-    from repaint_cli.tasks import read_task
 
     card = options.customize(
         read_task(task), settings, ppo__n_iterations=iterations, eval__episodes=eval_episodes

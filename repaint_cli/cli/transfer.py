@@ -36,9 +36,9 @@ def transfer(
     tensorboard: options.TensorBoard = False,
 ) -> None:
     """Transfer a teacher to a new task, with REPAINT or one of its rivals."""
+    from repaint_cli.cards import read_task
     from repaint_cli.cli.session import carry_out, find_teacher, new_folder
     from repaint_cli.runs import Plan
-    from repaint_cli.tasks import read_task
 
     options.check_method(method)
     representation, instance = options.parse_ratio(ratio)

@@ -38,8 +38,8 @@ def list_teachers(
 
 
 def _fitting(task: str) -> list[str]:
+    from repaint_cli.cards import read_task
     from repaint_cli.evaluate import spaces_of
-    from repaint_cli.tasks import read_task
     from repaint_cli.zoo import fitting
 
     card = read_task(task)
