@@ -12,6 +12,7 @@ import argparse
 import csv
 import os
 import re
+import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -22,6 +23,7 @@ from pathlib import Path
 
 import numpy as np
 
+from repaint_cli.cards import read_task
 from repaint_cli.history import read_run
 from repaint_cli.report.statistics import area_under_curve, iterations_to
 
@@ -104,16 +106,18 @@ def choose_rows(task: str) -> Iterator[Row]:
 
 
 def confirm_rows(task: str) -> Iterator[Row]:
-    """Yield the choosing table's best, to be told apart on seeds that did not choose them."""
+    """Yield the most promising settings, to be told apart on fresh seeds and for longer."""
     yield Row("scratch", "scratch")
-    for teacher, (beta, length, scale) in product(TEACHERS[task], FINALISTS[task]):
+    for teacher, (beta, length, scale, softness) in product(TEACHERS[task], FINALISTS[task]):
         options = SPREAD[task] + sets(
             transfer__kickstart_coef=beta,
             transfer__iterations=length,
             transfer__alpha_2=min(ALPHAS[task]),
+            transfer__teacher_temperature=softness,
             select__scale=scale,
         )
         label = f"repaint from {teacher}, β₀={beta}, K={length}, {scale}"
+        label += f", temperature {softness}" if softness != 1 else ""
         yield Row(label, "repaint", teacher, options)
 
 
@@ -123,10 +127,10 @@ LENGTHS = {"reacher": (15, 4), "racer-outer": (4,)}
 ALPHAS = {"reacher": (1,), "racer-outer": (1, 0.1)}
 SPREAD = {"reacher": sets(transfer__teacher_min_std=0.4), "racer-outer": ()}
 FINALISTS = {
-    "reacher": ((0.2, 4, "none"), (0.2, 4, "teacher-batch"), (0.2, 15, "teacher-batch")),
-    "racer-outer": ((0.2, 4, "none"), (0.05, 4, "none"), (0.05, 2, "none")),
+    "reacher": ((0.2, 4, "none", 1), (0.2, 4, "teacher-batch", 1), (0.2, 15, "teacher-batch", 1)),
+    "racer-outer": ((0.2, 4, "none", 1), (0.05, 4, "none", 1), (0.2, 4, "none", 3)),
 }
-"""β₀, K and the scale of ζ."""
+"""β₀, K, the scale of ζ and the softmax temperature of a discrete teacher."""
 ROWS = {"choose": choose_rows, "confirm": confirm_rows, "readme": readme_rows}
 PLANS = {
     ("readme", "reacher"): ("0", "3", "20"),
@@ -140,17 +144,22 @@ PLANS = {
 
 
 def run(row: Row, task: str, plan: tuple[str, str, str], folder: Path) -> Path:
-    """Run a row, unless it has been run; return its folder."""
+    """Run a row, unless it has been run with the same settings; return its folder."""
     seed, seeds, iterations = plan
-    if not (folder / "done").exists():
-        command = [
-            sys.executable, "-m", "repaint_cli", "transfer", "--task", task, "--method", row.method,
-            "--seed", seed, "--seeds", seeds, "--iterations", iterations, "--run", str(folder),
-            *(("--teacher", row.teacher) if row.teacher else ()), *row.options,
-        ]  # fmt: skip
-        one_thread = os.environ | {"OMP_NUM_THREADS": "1"}
-        subprocess.run(command, check=True, env=one_thread, stdout=subprocess.DEVNULL)
-        (folder / "done").touch()
+    command = [
+        "transfer", "--task", task, "--method", row.method,
+        "--seed", seed, "--seeds", seeds, "--iterations", iterations, "--run", str(folder),
+        *(("--teacher", row.teacher) if row.teacher else ()), *row.options,
+    ]  # fmt: skip
+    settings = f"{' '.join(command)}\n{read_task(task).model_dump_json()}\n"
+    done = folder / "done"
+    if not done.exists() or done.read_text(encoding="utf-8") != settings:
+        shutil.rmtree(folder, ignore_errors=True)
+        subprocess.run(
+            [sys.executable, "-m", "repaint_cli", *command],
+            check=True, env=os.environ | {"OMP_NUM_THREADS": "1"}, stdout=subprocess.DEVNULL,
+        )  # fmt: skip
+        done.write_text(settings, encoding="utf-8")
     print(row.label, flush=True)
     return folder
 

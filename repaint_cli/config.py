@@ -7,7 +7,7 @@ standard terms, the paper's symbol stands in each sentence.
 from dataclasses import dataclass
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Field, PositiveInt, field_validator, model_validator
 
 
 class Settings(BaseModel):
@@ -63,7 +63,7 @@ class TransferConfig(Settings):
     instance: int = Field(1, ge=0)
     """I of the ratio R:I, off-policy instance-transfer iterations in a row; 0 is kickstarting."""
     joint: bool = False
-    """Whether both gradients meet in one update (algorithm 1) or alternate (algorithm 2)."""
+    """Whether both gradients meet in one update (algorithm 1); `--method repaint-joint` says so."""
     kickstart_coef: float = Field(0.2, ge=0)
     """β₀, weight of the cross-entropy to the teacher at the first iteration."""
     kickstart_decay: float = Field(0.95, gt=0, le=1)
@@ -79,6 +79,13 @@ class TransferConfig(Settings):
     teacher_episodes: int = Field(2, gt=0)
     """Whole teacher episodes in an instance iteration, where rollouts are counted in episodes."""
 
+    @field_validator("joint")
+    @classmethod
+    def _method_decides(cls, joint: bool) -> bool:
+        if joint:
+            raise ValueError("expected False; use --method repaint-joint")
+        return joint
+
 
 class SelectConfig(Settings):
     """Which teacher samples survive experience selection (paper, section 4.2)."""
@@ -89,14 +96,18 @@ class SelectConfig(Settings):
     """What Â′ is standardised with: its own batch, the student's last batch, or nothing (raw)."""
 
 
+Convolution = tuple[PositiveInt, PositiveInt, PositiveInt]
+"""Filters, kernel, stride."""
+
+
 class NetConfig(Settings):
     """The policy's and the critic's networks."""
 
     kind: Literal["mlp", "cnn"] = "mlp"
     """Dense layers on a vector, or convolutions on an image."""
-    hidden: tuple[int, ...] = (64, 64)
+    hidden: tuple[PositiveInt, ...] = (64, 64)
     """Widths of the dense tanh layers of an `mlp`."""
-    conv: tuple[tuple[int, int, int], ...] = ((32, 8, 4), (64, 4, 2), (64, 3, 1))
+    conv: tuple[Convolution, ...] = ((32, 8, 4), (64, 4, 2), (64, 3, 1))
     """(filters, kernel, stride) of the ReLU convolutions of a `cnn`."""
     dense: int = Field(512, gt=0)
     """Width of the ReLU layer between the convolutions and the head."""
@@ -130,6 +141,11 @@ class Method:
         """Whether the method uses a teacher at all."""
         return self.warm_start or self.kickstart or self.instance
 
+    @property
+    def alternates(self) -> bool:
+        """Whether representation and instance iterations take turns."""
+        return self.instance and not self.joint
+
     def apply(self, transfer: TransferConfig) -> TransferConfig:
         """Switch off what this method leaves out; what remains is all the trainer sees."""
         off: dict[str, float | bool] = {"joint": self.joint}
@@ -137,6 +153,8 @@ class Method:
             off["kickstart_coef"] = 0.0
         if not self.instance:
             off["instance"] = 0
+        if not (self.kickstart or self.instance):
+            off["alpha_1"] = 1.0
         return transfer.model_copy(update=off)
 
 

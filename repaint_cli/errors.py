@@ -14,7 +14,8 @@ RepaintError                1   anything the program can explain in a line
 Messages say what was wanted, what was found and what to do, in one line.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from difflib import get_close_matches
 
 
@@ -59,6 +60,21 @@ class DivergedError(RepaintError):
     """A loss, a weight or an observation is not finite."""
 
     exit_code = 6
+
+    def __init__(self, message: str, row: int | None = None) -> None:
+        """Say what it was, and of which of the seeds that train side by side, counted from 0."""
+        super().__init__(message)
+        self.row = row
+
+
+@contextmanager
+def telling_where(seeds: Sequence[int], moment: str) -> Iterator[None]:
+    """Say when something was not finite, and for which run seed."""
+    try:
+        yield
+    except DivergedError as error:
+        seed = "" if error.row is None else f", seed {seeds[error.row]}"
+        raise DivergedError(f"{moment}{seed}: {error}") from error
 
 
 class StoreError(RepaintError):

@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from repaint_cli.learn.rollout import Policy, Rollout, collect, start
+from repaint_cli.learn.rollout import Policy, Rollout, clip, collect, start
 from repaint_cli.learn.seeding import Purpose, env_seeds, generator
 from repaint_cli.nets import ActorCritic, Spaces
 from repaint_cli.tasks import GymEnv, RacerEnv, TaskCard
@@ -25,7 +25,7 @@ class Episodes:
     rewards: np.ndarray
     """Reward per step, (T, S, E), nan after the end."""
     actions: np.ndarray
-    """What was done, (T, S, E[, A])."""
+    """What the environment was told, (T, S, E[, A]); continuous actions within their bounds."""
     records: dict[str, np.ndarray]
     """The racer's state after each step, (T, S, E), nan after the end; empty elsewhere."""
     env_seeds: list[int]
@@ -111,6 +111,7 @@ def evaluate(
     record = RACER_RECORDS if isinstance(task.env, RacerEnv) else ()
     rngs = [generator(seed, purpose, iteration) for seed in seeds]
     rollout = collect(env, obs, act, rngs, greedy=True, record=record)
+    rollout = replace(rollout, actions=clip(rollout.actions, env))
     env.close()
     played = _episodes(task, rollout, env_seeds(seeds, purpose, iteration, n_episodes))
     return replace(played, images=_images(rollout)) if keep_images else played

@@ -84,7 +84,7 @@ def _columns(path: Path, seeds: list[str]) -> dict[str, np.ndarray]:
 
 
 def newest_run(root: Path) -> Path:
-    """Return the folder of the run started last below `root`.
+    """Return the folder of the run below `root` that wrote last.
 
     Raises:
         NotFound: there is none.
@@ -92,7 +92,7 @@ def newest_run(root: Path) -> Path:
     runs = [
         path.parent
         for path in root.glob("*/*/run.json")
-        if (path.parent / "checkpoint.safetensors").is_file()
+        if all((path.parent / name).is_file() for name in ("checkpoint.safetensors", "metrics.csv"))
     ]
     if not runs:
         raise NotFound(

@@ -13,7 +13,7 @@ import torch
 
 from repaint_cli import checkpoint, zoo
 from repaint_cli.config import METHODS, TransferConfig
-from repaint_cli.errors import CheckpointError, StoreError, TeacherMismatch
+from repaint_cli.errors import CheckpointError, StoreError, TeacherMismatch, telling_where
 from repaint_cli.evaluate import evaluate, spaces_of
 from repaint_cli.files import sha256, write_text
 from repaint_cli.learn.seeding import Purpose
@@ -115,7 +115,8 @@ class Experiment:
         try:
             for stats in train(task, learner, self.teacher):
                 k = stats.iteration
-                played = evaluate(learner.student, task, learner.seeds, task.eval.episodes, k)
+                with telling_where(learner.seeds, f"evaluation after iteration {k}"):
+                    played = evaluate(learner.student, task, learner.seeds, task.eval.episodes, k)
                 report = Report(stats, played, perf_counter() - started)
                 self._record(report)
                 yield report

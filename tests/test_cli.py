@@ -2,6 +2,7 @@
 
 import io
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -75,14 +76,22 @@ def test_numbers_of_an_iteration_fit_on_a_line(repaint):
 
 
 @pytest.mark.parametrize(
-    ("kept", "own", "warns"), [(0.1, 0.2, True), (0.2, 0.1, False), (np.nan, 0.1, False)]
+    ("share", "kept", "own", "warning"),
+    [
+        ([0.5], [0.1], [0.2], "samples were paid less per step .* itself \\(0.1 < 0.2\\)"),
+        ([0.5], [0.2], [0.1], None),
+        ([0.5, 0.5], [1, 10], [2, 3], "samples of 1 of 2 seeds were paid .* \\(1 < 2\\)"),
+        ([0, 0.5], [np.nan, 2], [1, 1], None),
+        ([0, 0], [np.nan, np.nan], [1, 1], "no teacher sample passed ζ"),
+    ],
 )
-def test_teacher_samples_that_pay_less_than_the_students_own_are_warned_of(kept, own, warns):
-    numbers = {"kept_reward": np.array([kept]), "student_reward": np.array([own])}
-    warning = Report(IterationStats(4, "instance", numbers), None, 0.0).warning
-    assert (warning is not None) == warns
-    if warns:
-        assert warning.startswith("iteration 4: the kept teacher samples were paid less")
+def test_what_looks_like_negative_transfer_is_warned_of(share, kept, own, warning):
+    given = {"kept_fraction": share, "kept_reward": kept, "student_reward": own}
+    numbers = {name: np.array(values, float) for name, values in given.items()}
+    said = Report(IterationStats(4, "instance", numbers), None, 0.0).warning
+    assert (said is None) == (warning is None)
+    if warning:
+        assert re.match(f"iteration 4: .*{warning}", said)
 
 
 def test_eval_without_a_name_plays_the_newest_run(repaint, home):
@@ -191,6 +200,28 @@ def test_compare_refuses_runs_of_several_tasks(repaint, home):
     said = repaint("compare", "one", "two")
     assert said.code == 3
     assert said.err == "error: expected runs of one task, found reacher, reacher-gentle\n"
+
+
+def test_compare_refuses_runs_of_one_name_and_other_rewards(repaint, home):
+    repaint(*SCRATCH, "--run", "one")
+    repaint(*SCRATCH, "--set", "reward.reward_ctrl=2", "--run", "two")
+    said = repaint("compare", "one", "two")
+    assert said.code == 3
+    assert said.err == (
+        "error: expected runs of one task, found other [reward] settings in two than in one\n"
+    )
+
+
+def test_compare_tells_runs_of_one_name_and_other_lengths_apart(repaint, home):
+    repaint(*SCRATCH, "--run", "a/scratch")
+    repaint(*SCRATCH, "--run", "b/scratch", "--seed", 3, "--iterations", 4)
+    said = repaint("compare", "a/scratch", "b/scratch")
+    assert "b/scratch earned" in said.out
+    assert "up to iteration 2" in " ".join(said.out.split())
+    found = strict(repaint("compare", "a/scratch", "b/scratch", "--json").out)
+    assert [row["run"] for row in found] == ["a/scratch", "b/scratch"]
+    first, second = (strict_return("b/scratch", k) for k in (1, 2))
+    assert found[1]["area"] == pytest.approx((first + second) / 2, 1e-4)
 
 
 def test_a_method_without_a_teacher_ignores_the_one_named(repaint, home):

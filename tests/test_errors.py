@@ -103,6 +103,12 @@ SETTINGS = [
      "env.car: .*'sim4', 'sim5' or 'ideal', found 'bus'"),
     (["transfer", "--task", "racer-inner", "--method", "scratch",
       "--set", "net.conv=[[8,200,1]]"], "net.conv layer 0 needs a larger image: 120×160×1"),
+    (["transfer", "--task", "racer-inner", "--method", "scratch",
+      "--set", "net.conv=[[8,4,0]]"], "net.conv.*: .*greater than 0, found 0"),
+    (sets("net.hidden=[-3]"), "net.hidden.*: .*greater than 0, found -3"),
+    (sets("transfer.joint=true"), "transfer.joint: expected False; use --method repaint-joint"),
+    (sets("env.backend=envpool", "env.kwargs={reset_noise_scale=0.1}"),
+     "expected no env.kwargs with env.backend envpool, found reset_noise_scale"),
     (["tasks", "check", "mine.toml"], "mine.toml: unknown key 'ppo.gama'"),
     (["compare", "home"], "expected runs of one task, found no run"),
 ]  # fmt: skip
@@ -121,6 +127,18 @@ SETTINGS += [
         ("--eval-episodes", -1, "eval.episodes"),
     )
 ]
+SETTINGS += [
+    ([*TRANSFER, "--method", method, option, value],
+     f"expected an option that method '{method}' uses, found {option}; leave it out")
+    for method, option, value in (
+        ("scratch", "--beta", 0.1),
+        ("warm-start", "--transfer-iterations", 3),
+        ("instance", "--beta-decay", 0.9),
+        ("kickstart", "--threshold", 0.3),
+        ("kickstart", "--ratio", "2:1"),
+        ("repaint-joint", "--ratio", "2:1"),
+    )
+]  # fmt: skip
 SETTINGS += [
     ([*TRANSFER, "--threshold", "nan"], "select.threshold: .*finite number, found nan"),
     ([*TRANSFER, "--seeds", 0], "--seeds of at least 1 and --seed of at least 0, found 0 and 0"),

@@ -23,6 +23,7 @@ from repaint_cli.errors import CardError, CheckpointError, DivergedError, NotFou
 from repaint_cli.evaluate import spaces_of
 from repaint_cli.files import sha256
 from repaint_cli.history import newest_run, read_run
+from repaint_cli.learn.optimizer import RowAdam
 from repaint_cli.metrics import COLUMNS
 from repaint_cli.nets import ActorCritic
 from repaint_cli.tasks import TaskCard
@@ -277,13 +278,23 @@ def test_an_environment_that_breaks_stops_the_run_at_once(repaint, home, fragile
     assert tensors
 
 
-def test_weights_that_diverge_stop_the_run_and_keep_the_last_good_checkpoint(repaint, home):
-    said = repaint(*SCRATCH, "--set", "ppo.learning_rate=1e38", "--iterations", 5)
+def test_weights_that_diverge_stop_the_run_and_keep_the_last_good_checkpoint(
+    repaint, home, monkeypatch
+):
+    steps, step = [], RowAdam.step
+
+    def leaps(self, policies, critics, scale):
+        steps.append(scale)
+        step(self, policies, critics, 1e38 if len(steps) > 10 else scale)
+
+    monkeypatch.setattr(RowAdam, "step", leaps)  # 4 steps an iteration: the third diverges
+    said = repaint(*SCRATCH, "--iterations", 5)
     assert said.code == DivergedError.exit_code
+    assert said.err.startswith("error: iteration 3, seed 0: expected")
     assert "a smaller ppo.learning_rate" in said.err
     assert said.err.count("\n") == 1
-    checkpoint = home / "run" / "checkpoint.safetensors"
-    assert not checkpoint.exists() or load(checkpoint)
+    assert load(home / "run" / "checkpoint.safetensors")[1]["iteration"] == 2
+    assert (record_of(home / "run")["iterations"], len(rows_of(home / "run"))) == (2, 2)
 
 
 def test_a_checkpoint_that_cannot_be_written_leaves_the_last_one(repaint, home, monkeypatch):

@@ -6,8 +6,9 @@ from repaint_cli.learn.schedules import kickstart_coef, phase
 LETTERS = {"ppo": "p", "representation": "R", "instance": "I", "joint": "J"}
 
 
-def phases(n, **transfer):
-    return "".join(LETTERS[phase(k, TransferConfig(**transfer))] for k in range(1, n + 1))
+def phases(n, **settings):
+    transfer = TransferConfig().model_copy(update=settings)
+    return "".join(LETTERS[phase(k, transfer)] for k in range(1, n + 1))
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,6 @@ from numpy.testing import assert_allclose, assert_array_equal
 from repaint_cli.report.statistics import (
     area_under_curve,
     bootstrap_mean,
-    interquartile_mean,
     iterations_to,
     mean_ci,
 )
@@ -43,7 +42,6 @@ def test_the_same_seed_gives_the_same_interval_and_order_does_not_matter_to_the_
 @pytest.mark.parametrize("values", [[], [NAN, 1.0, 2.0]], ids=["no runs", "a run without a value"])
 def test_no_mean_without_every_value(values):
     assert_array_equal(mean_ci(values), [NAN] * 3)
-    assert np.isnan(interquartile_mean(values))
 
 
 def test_one_run_has_a_mean_and_no_interval():
@@ -54,11 +52,6 @@ def test_a_gap_in_one_column_leaves_the_others_their_interval():
     low, high = bootstrap_mean(np.array([[0.0, 1.0, NAN], [0.0, 2.0, 5.0]]))
     assert_array_equal(low, [0.0, 1.0, NAN])
     assert_array_equal(high, [0.0, 2.0, NAN])
-
-
-def test_interquartile_mean_drops_a_quarter_at_either_end():
-    assert interquartile_mean([100, 1, 2, 3, 4, 5, 6, -100]) == 3.5
-    assert interquartile_mean([1, 2, 6]) == 3.0  # ⌊3/4⌋ = 0: nothing to drop
 
 
 def test_area_under_a_curve_is_its_mean_height():

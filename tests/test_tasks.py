@@ -86,7 +86,7 @@ def test_a_card_that_is_not_text_is_refused(home):
         ("reward.reward_ctrl=-2", "reward", -2.0),
         ("net.hidden=[32, 16]", "net", (32, 16)),
         ("ppo.gamma=0.98", "ppo", 0.98),
-        ("transfer.joint=true", "transfer", True),
+        ("transfer.alpha_1=0.5", "transfer", 0.5),
         ("select.scale=student-batch", "select", "student-batch"),
         ("eval.episodes=3", "eval", 3),
     ],

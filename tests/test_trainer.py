@@ -3,14 +3,15 @@ from itertools import pairwise
 import numpy as np
 import pytest
 import torch
-from tiny_learners import learner_of, spaces_of, stranger, trained, with_transfer
+from tiny_learners import learner_of, spaces_of, stranger, trained, transferring, with_transfer
 from tiny_tasks import guess, reach
 from torch.testing import assert_close
 
 from repaint_cli.config import METHODS, TransferConfig
 from repaint_cli.errors import CardError, DivergedError
-from repaint_cli.learn import update
-from repaint_cli.learn.advantages import describe
+from repaint_cli.learn import trainer, update
+from repaint_cli.learn.advantages import describe, to_samples
+from repaint_cli.learn.selection import moments
 from repaint_cli.learn.trainer import soften, train, transfer_instances
 from repaint_cli.nets import ActorCritic
 
@@ -43,7 +44,7 @@ def stages(task, seeds=(0, 1), teacher=None, **transfer):
     """The learner at the start and after each iteration, and what was yielded."""
     learner = learner_of(task, seeds)
     states, stats = [whole(learner)], []
-    for stat in train(with_transfer(task, TransferConfig(**transfer)), learner, teacher):
+    for stat in train(with_transfer(task, transferring(**transfer)), learner, teacher):
         states.append(whole(learner))
         stats.append(stat)
     return states, stats
@@ -99,7 +100,7 @@ def test_after_k_iterations_the_teacher_is_not_asked(joint):
     task, teacher = reach(n_iterations=4), stranger(reach())
     learner, phases = learner_of(task, [0]), []
     for stat in train(
-        with_transfer(task, TransferConfig(iterations=2, joint=joint)), learner, teacher
+        with_transfer(task, transferring(iterations=2, joint=joint)), learner, teacher
     ):
         phases.append(stat.phase)
         if stat.iteration == 2:
@@ -193,6 +194,47 @@ def test_a_joint_iteration_learns_from_what_it_kept(batches_of):
         72 * stat.numbers["kept_fraction"][0]
     )
     assert learner.env_steps == 2 * 72
+
+
+@pytest.fixture
+def collected(monkeypatch):
+    """Have every rollout of the trainer noted."""
+    rollouts, collect = [], trainer.collect
+
+    def spy(*args, **kwargs):
+        rollouts.append(collect(*args, **kwargs))
+        return rollouts[-1]
+
+    monkeypatch.setattr(trainer, "collect", spy)
+    return rollouts
+
+
+def test_the_critic_that_judges_the_teacher_has_judged_the_students_batch_too(collected):
+    task = reach(n_iterations=1, learning_rate=0.05, select=keeps(0.5, "student-batch"))
+    learner, _ = trained(task, teacher=stranger(task))
+    anew = to_samples(collected[0], learner.student.value, task.ppo.gamma, task.ppo.gae_lambda)
+    assert_close(learner.last_moments, moments(anew))
+    stale = to_samples(collected[0], learner_of(task, [0]).student.value, 0.99, 0.95)
+    assert abs(learner.last_moments[0] - moments(stale)[0]) > 0.1
+
+
+def test_a_joint_iteration_judges_the_teacher_against_the_students_own_batch(monkeypatch):
+    task, scales, rescale = reach(n_iterations=1), [], trainer.rescale
+
+    def spy(samples, scale, student):
+        scales.append(student)
+        return rescale(samples, scale, student)
+
+    monkeypatch.setattr(trainer, "rescale", spy)
+    _, (stat,) = trained(task, teacher=stranger(task), joint=True)
+    assert scales[0][0] != 0
+    assert scales[0][1] != 1
+    assert stat.numbers["student_reward"][0] < 0
+
+
+@pytest.mark.parametrize("method", ["scratch", "warm-start"])
+def test_alpha_1_leaves_methods_without_transfer_alone(method):
+    assert METHODS[method].apply(TransferConfig(alpha_1=0.1)).alpha_1 == 1
 
 
 def test_alphas_scale_the_learning_rates_of_their_own_iterations_until_k():
@@ -375,7 +417,7 @@ def test_weights_that_are_not_finite_name_their_seed():
     task = reach(n_epochs=1, minibatch_size=1000)
     learner = learner_of(task, [4, 7])
     learner.optimizer.step = lambda *args: learner.student.storage[1].fill_(float("inf"))
-    with pytest.raises(DivergedError, match="are not after iteration 1 of seed 7"):
+    with pytest.raises(DivergedError, match=r"iteration 1, seed 7: .* weights"):
         next(train(with_transfer(task, TransferConfig()), learner, None))
 
 

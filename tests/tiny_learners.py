@@ -8,6 +8,11 @@ from repaint_cli.learn.trainer import Learner, train
 from repaint_cli.nets import ActorCritic, Spaces
 
 
+def transferring(**settings):
+    """Transfer settings as a method leaves them."""
+    return TransferConfig().model_copy(update=settings)
+
+
 def with_transfer(task, transfer):
     return task.model_copy(update={"transfer": transfer})
 
@@ -37,5 +42,4 @@ def stranger(task, n_seeds=1, seed=99):
 def trained(task, seeds=(0,), teacher=None, **transfer):
     """Train to the end; return the learner and what was yielded."""
     learner = learner_of(task, seeds)
-    settings = TransferConfig(**transfer)
-    return learner, list(train(with_transfer(task, settings), learner, teacher))
+    return learner, list(train(with_transfer(task, transferring(**transfer)), learner, teacher))

@@ -79,7 +79,7 @@ def examine(
     """Evaluate, print a table, and write eval.json, eval-trajectories.png and perhaps video.mp4."""
     if n_filmed is not None and n_filmed < 1:
         raise CardError(f"expected --video-episodes of at least 1, found {n_filmed}")
-    task = on_gymnasium(who.task) if render else who.task
+    task = on_gymnasium(who.task)
     n_episodes = customize(task, None, eval__episodes=n_episodes).eval.episodes
     seeds = who.seeds if seed is None else seed_list(seed, 1) * len(who.seeds)
     images = render and task.env.simulator == "racer"
@@ -88,7 +88,7 @@ def examine(
     )
     out.print(table(who, played))
     written = [who.folder / "eval.json"]
-    write_text(written[0], json.dumps(summary(who, played), indent=2) + "\n")
+    write_text(written[0], json.dumps(summary(who, played, seeds), indent=2) + "\n")
     drawn = who.folder / "eval-trajectories.png"
     if draw_trajectories(who.task, [(who.name, played)], drawn, f"{who.name}, seed {seeds[0]}"):
         written.append(drawn)
@@ -104,20 +104,24 @@ def examine(
 
 
 def on_gymnasium(task: TaskCard) -> TaskCard:
-    """Return the task on Gymnasium's own environment, which alone can draw what it played."""
+    """Return the task on Gymnasium's own environment, which alone can film what it played."""
     if isinstance(task.env, GymEnv):
         return task.model_copy(update={"env": task.env.model_copy(update={"backend": "gymnasium"})})
     return task
 
 
-def summary(who: Subject, played: Episodes) -> dict[str, object]:
-    """Return the numbers as JSON: returns, lengths and how much each reward term paid."""
+def summary(who: Subject, played: Episodes, seeds: list[int]) -> dict[str, object]:
+    """Return the numbers as JSON: returns, lengths and how much each reward term paid.
+
+    `seeds` are those of the policies, `episode_seeds` what their episodes were drawn from.
+    """
     weights = who.task.reward
     terms = played.terms.mean((0, 1))
     return {
         "policy": who.name,
         "task": who.task.name,
         "seeds": who.seeds,
+        "episode_seeds": seeds,
         "returns": played.returns.tolist(),
         "lengths": played.lengths.tolist(),
         "mean_terms": dict(zip(weights, terms.tolist(), strict=True)),

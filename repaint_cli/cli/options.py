@@ -49,9 +49,7 @@ def customize(
         options: `section__key=value`.
     """
     named = [
-        f"{key.replace('__', '.')}={str(value).lower() if isinstance(value, bool) else value}"
-        for key, value in options.items()
-        if value is not None
+        f"{key.replace('__', '.')}={value}" for key, value in options.items() if value is not None
     ]
     return task.with_settings(named + (settings or []))
 
@@ -86,11 +84,26 @@ def parse_ratio(text: str | None) -> tuple[int | None, int | None]:
     return int(parts[0]), int(parts[1])
 
 
-def check_method(method: str) -> None:
-    """Check that there is such a method.
+def check_method(name: str, **given: object) -> None:
+    """Check that there is such a method, and that it uses the options it is given.
 
     Raises:
-        NotFound: there is not.
+        NotFound: there is no such method.
+        CardError: it leaves out what an option is about.
     """
-    if method not in METHODS:
-        raise NotFound.named("method", method, METHODS, "repaint transfer --help")
+    if name not in METHODS:
+        raise NotFound.named("method", name, METHODS, "repaint transfer --help")
+    method = METHODS[name]
+    used = {
+        "ratio": method.alternates,
+        "beta": method.kickstart,
+        "beta_decay": method.kickstart,
+        "threshold": method.instance,
+        "transfer_iterations": method.kickstart or method.instance,
+    }
+    for option, value in given.items():
+        if value is not None and not used[option]:
+            raise CardError(
+                f"expected an option that method '{name}' uses, found "
+                f"--{option.replace('_', '-')}; leave it out or choose another --method"
+            )

@@ -78,11 +78,12 @@ def carry_out(plan: Plan, tensorboard: bool, teacher: tuple[str, Path] | None = 
             raise
     written = [plan.folder / name for name in ("run.json", "metrics.csv", CHECKPOINT)]
     written += experiment.policies()
-    written += draw_run(read_run(plan.folder), experiment.reports)
     following = f"repaint eval {plan.folder} --render-offscreen"
-    if teacher and not interrupted:
+    if teacher and not interrupted:  # before anything that might fail
         written.append(experiment.best_teacher(*teacher))
         following = f"repaint eval {teacher[0]} --render-offscreen"
+    written += draw_run(read_run(plan.folder), experiment.reports)
+    written += [plan.folder / "tensorboard"] if tensorboard else []
     say_written(written, following)
     if interrupted:
         raise KeyboardInterrupt

@@ -30,26 +30,38 @@ def read_runs(folders: Sequence[Path]) -> dict[str, Run]:
     tasks = sorted({run.task.name for run in read})
     if len(tasks) != 1:
         raise CardError(f"expected runs of one task, found {', '.join(tasks) or 'no run'}")
+    for run in read:
+        for part in ("env", "reward"):
+            if getattr(run.task, part) != getattr(read[0].task, part):
+                raise CardError(
+                    f"expected runs of one task, found other [{part}] settings in {run.folder} "
+                    f"than in {read[0].folder}"
+                )
     labels = [run.label for run in read]
-    return {run.label if labels.count(run.label) == 1 else run.folder.name: run for run in read}
+    return {run.label if labels.count(run.label) == 1 else str(run.folder): run for run in read}
 
 
 def rows(runs: dict[str, Run]) -> list[dict[str, object]]:
-    """Return each run's numbers; the target is the best mean return of the first scratch run."""
+    """Return each run's numbers over the iterations that all of them have.
+
+    The target is the best mean return of the first scratch run.
+    """
     scratch = [run for run in runs.values() if run.method == "scratch"]
     target = float(np.nanmax(scratch[0].returns.mean(0))) if scratch else None
+    common = min(run.returns.shape[1] for run in runs.values())
     found = []
     for label, run in runs.items():
         returns = run.returns
         marks = {f"k={k}": _at(returns, k) for k in MARKS}
-        row: dict[str, object] = {"run": label, "seeds": len(returns)} | marks
+        row: dict[str, object] = {"run": label, "method": run.method, "seeds": len(returns)} | marks
         if run.progress is not None:
             row |= {f"progress k={k}": _at(run.progress, k) for k in MARKS}
-        area = area_under_curve(returns)
+        area = area_under_curve(returns[:, :common])
         reached = iterations_to(returns, np.nan if target is None else target)
         found.append(
             row
             | {"area": float(area.mean()), "area_spread": float(np.ptp(area))}
+            | {"area_iterations": common}
             | {"target": target, "reached": [None if np.isnan(k) else int(k) for k in reached]}
         )
     return found
@@ -57,7 +69,7 @@ def rows(runs: dict[str, Run]) -> list[dict[str, object]]:
 
 def verdicts(found: list[dict[str, object]]) -> list[str]:
     """Say in a sentence per run whether its area is ahead of the first scratch run's, or not."""
-    scratch = next((row for row in found if str(row["run"]).startswith("scratch")), None)
+    scratch = next((row for row in found if row["method"] == "scratch"), None)
     if scratch is None:
         return []
     base = float(str(scratch["area"]))
@@ -99,8 +111,9 @@ def print_comparison(runs: dict[str, Run], as_json: bool) -> None:
     for sentence in verdicts(found):
         out.print(sentence)
     target = found[0]["target"]
+    reach = "unknown without a scratch run" if target is None else f"{target:.4g}"
     out.print(
-        "k: mean evaluation return after iteration k (lap progress); area: mean of the return over "
-        "iterations; to target: each seed's first iteration at scratch's best mean, "
-        + ("unknown without a scratch run" if target is None else f"{target:.4g}")
+        "k: mean evaluation return after iteration k (lap progress); area: under the curve up to "
+        f"iteration {found[0]['area_iterations']}, per iteration; to target: each seed's first "
+        f"iteration at scratch's best mean, {reach}"
     )

@@ -40,7 +40,10 @@ def transfer(
     from repaint_cli.cli.session import carry_out, find_teacher, new_folder
     from repaint_cli.runs import Plan
 
-    options.check_method(method)
+    options.check_method(
+        method, ratio=ratio, beta=beta, beta_decay=beta_decay, threshold=threshold,
+        transfer_iterations=transfer_iterations,
+    )  # fmt: skip
     representation, instance = options.parse_ratio(ratio)
     card = options.customize(
         read_task(task), settings,

@@ -32,8 +32,13 @@ def make_gym(
         backend: "envpool", "gymnasium", or "auto" for EnvPool where installed and checked.
 
     Raises:
-        CardError: Gymnasium does not know the id or refuses the arguments.
+        CardError: Gymnasium does not know the id or refuses the arguments, or EnvPool would.
     """
+    if backend == "envpool" and kwargs:
+        raise CardError(
+            f"expected no env.kwargs with env.backend envpool, found {', '.join(kwargs)}; "
+            "try --set env.backend=gymnasium"
+        )
     checked = env_id in ENVPOOL_IDS and not kwargs
     try:
         if backend == "envpool" or (backend == "auto" and checked and find_spec("envpool")):
@@ -56,10 +61,13 @@ class EnvPoolVector(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
     metadata: dict[str, Any] = {"autoreset_mode": AutoresetMode.NEXT_STEP}  # noqa: RUF012
 
     def __init__(self, env_id: str, n_envs: int) -> None:
+        import envpool
+
         self.env_id, self.num_envs = env_id, n_envs
-        self._pool = self._make(list(range(n_envs)))
-        self.single_observation_space = self._pool.observation_space
-        self.single_action_space = self._pool.action_space
+        self._pool: Any = None
+        spec = envpool.make_spec(env_id)
+        self.single_observation_space = spec.gymnasium_observation_space
+        self.single_action_space = spec.gymnasium_action_space
         self.observation_space = gymnasium.vector.utils.batch_space(
             self.single_observation_space, n_envs
         )
@@ -84,6 +92,8 @@ class EnvPoolVector(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         """Start every environment afresh, environment i from seed[i] (or seed + i)."""
         if isinstance(seed, int):
             seed = [seed + i for i in range(self.num_envs)]
+        if seed is None and self._pool is None:
+            seed = list(range(self.num_envs))
         if seed is not None:
             self._pool = self._make([int(value) % 2**31 for value in seed])
         obs, info = self._pool.reset()

@@ -140,7 +140,9 @@ def collect(
             return tape.rollout()
         with torch.no_grad():
             actions, log_probs = _act(policy, obs, valid, noise, greedy)
-        obs, rewards, terminated, truncated, info = env.step(_to_env(actions, env))
+        obs, rewards, terminated, truncated, info = env.step(
+            clip(actions, env).reshape(-1, *actions.shape[2:])
+        )
         rewards, terminated, truncated = (
             x.reshape(shape) for x in (rewards, terminated, truncated)
         )
@@ -172,13 +174,12 @@ def _act(
     return actions, full_log_probs
 
 
-def _to_env(actions: np.ndarray, env: RewardTerms) -> np.ndarray:
-    """Flatten seeds and environments, and clip to the bounds a continuous action has."""
-    flat = actions.reshape(-1, *actions.shape[2:])
+def clip(actions: np.ndarray, env: RewardTerms) -> np.ndarray:
+    """Return actions as the environment is to see them: continuous ones float64 within bounds."""
     space = env.single_action_space
     if isinstance(space, gymnasium.spaces.Box):
-        return np.clip(flat.astype(np.float64), space.low, space.high)
-    return flat
+        return np.clip(actions.astype(np.float64), space.low, space.high)
+    return actions
 
 
 def _check_finite(numbers: np.ndarray, mask: np.ndarray, what: str, t: int) -> None:
@@ -186,7 +187,8 @@ def _check_finite(numbers: np.ndarray, mask: np.ndarray, what: str, t: int) -> N
         s, n = np.argwhere(mask & ~np.isfinite(numbers).all(-1))[0]
         raise DivergedError(
             f"expected finite numbers from the environment, found {what} that is not, "
-            f"in environment {n} of seed number {s} at step {t} of the rollout"
+            f"in environment {n} at step {t} of the rollout",
+            row=int(s),
         )
 
 

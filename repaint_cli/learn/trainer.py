@@ -8,7 +8,7 @@ import numpy as np
 import torch
 
 from repaint_cli.config import PPOConfig, TransferConfig
-from repaint_cli.errors import DivergedError
+from repaint_cli.errors import DivergedError, telling_where
 from repaint_cli.learn import schedules
 from repaint_cli.learn.advantages import Samples, describe, to_samples
 from repaint_cli.learn.optimizer import RowAdam
@@ -45,7 +45,8 @@ class Learner:
     env_steps: np.ndarray
     """Steps taken for training, the teacher's among them, (S,)."""
     last_moments: Moments
-    """Mean and standard deviation of Â in each student's last own batch, (S, 1) each."""
+    """Mean and standard deviation of Â in each student's last own batch, (S, 1) each; where ζ is
+    meant on their scale, by the critic that will judge the teacher's samples."""
     last_reward: torch.Tensor
     """Mean reward of each student's last own batch, (S,)."""
 
@@ -91,19 +92,14 @@ def train(
     for k in range(learner.iteration + 1, task.ppo.n_iterations + 1):
         started, before = perf_counter(), learner.env_steps.copy()
         phase: schedules.Phase = "ppo"
-        kept, numbers = None, dict[str, np.ndarray]()
-        if guide is not None:
-            phase = schedules.phase(k, task.transfer)
-            if phase in ("instance", "joint"):
-                kept, numbers = transfer_instances(task, learner, guide, k)
-        if phase == "instance" and kept is not None:
-            numbers |= learn_from_instances(
-                learner.student, learner.optimizer, kept, task.ppo, _shuffles(learner, k),
-                task.transfer.alpha_2,
-            )  # fmt: skip
-        else:
-            numbers |= _on_policy_iteration(task, learner, guide, k, kept)
-        _check_weights(learner, k)
+        with telling_where(learner.seeds, f"iteration {k}"):
+            if guide is None:
+                numbers = _on_policy_iteration(task, learner, k)
+            else:
+                phase = schedules.phase(k, task.transfer)
+                act = _instance_iteration if phase == "instance" else _on_policy_iteration
+                numbers = act(task, learner, k, guide)
+            _check_weights(learner)
         learner.iteration = k
         taken, seconds = learner.env_steps - before, perf_counter() - started
         numbers["env_steps"] = learner.env_steps.copy()
@@ -128,7 +124,7 @@ def transfer_instances(
     """Let the teacher act in the target task; keep what is worth learning from (section 4.2).
 
     Advantages are estimated under the target's reward with the student's critic, which is not
-    trained here.
+    trained here, and which judged `learner.last_moments` too.
 
     Returns:
         The kept samples and what the selection looked like, (S,) per number.
@@ -149,17 +145,27 @@ def transfer_instances(
     return scaled.keep(chosen), {name: number.numpy() for name, number in numbers.items()}
 
 
+def _instance_iteration(
+    task: TaskCard, learner: Learner, k: int, guide: Policy
+) -> dict[str, np.ndarray]:
+    """Let the teacher act and the student learn from the best of it (algorithm 2, even k)."""
+    kept, numbers = transfer_instances(task, learner, guide, k)
+    return numbers | learn_from_instances(
+        learner.student, learner.optimizer, kept, task.ppo, _shuffles(learner, k),
+        task.transfer.alpha_2,
+    )  # fmt: skip
+
+
 def _on_policy_iteration(
-    task: TaskCard, learner: Learner, guide: Policy | None, k: int, kept: Samples | None
+    task: TaskCard, learner: Learner, k: int, guide: Policy | None = None
 ) -> dict[str, np.ndarray]:
     """Let the student act and learn from it: PPO, with the cross-entropy where β_k > 0.
 
     Args:
         task: the target task.
         learner: who learns.
+        k: the iteration; in a joint one (algorithm 1) selected teacher samples join every step.
         guide: the softened teacher, or None.
-        k: the iteration.
-        kept: selected teacher samples to learn from in the same steps (algorithm 1).
     """
     student, ppo, transfer = learner.student, task.ppo, task.transfer
     rollout = _collect(task, learner, student.policy, k, ppo.n_episodes)
@@ -168,12 +174,18 @@ def _on_policy_iteration(
     learner.last_moments = moments(samples)
     learner.last_reward = masked_mean(samples.rewards, samples.counts)
     beta = schedules.kickstart_coef(k, transfer) if guide else 0.0
-    numbers = learn_on_policy(
+    kept, numbers = None, dict[str, np.ndarray]()
+    if guide and schedules.phase(k, transfer) == "joint":
+        kept, numbers = transfer_instances(task, learner, guide, k)
+    numbers |= learn_on_policy(
         student, learner.optimizer, standardize(samples, learner.last_moments), ppo,
         _shuffles(learner, k), beta=beta, instances=kept,
         teacher=describe(guide, samples) if guide and beta > 0 else None,
         alpha_1=transfer.alpha_1 if k <= transfer.iterations else 1.0, alpha_2=transfer.alpha_2,
     )  # fmt: skip
+    if guide and task.select.scale == "student-batch" and k < transfer.iterations:
+        judged_anew = to_samples(rollout, student.value, ppo.gamma, ppo.gae_lambda)
+        learner.last_moments = moments(judged_anew)
     numbers["kickstart_coef"] = np.full(student.n_seeds, beta)
     numbers["explained_variance"] = explained.numpy()
     return numbers | _episode_numbers(rollout, student.n_seeds)
@@ -213,7 +225,7 @@ def _collect(
 ) -> Rollout:
     """Roll a policy out in fresh environments, as many steps or episodes as the card says."""
     by_steps = task.ppo.n_episodes is None
-    n_envs = task.ppo.n_envs if by_steps or n_episodes is None else n_episodes
+    n_envs = n_episodes if n_episodes and not by_steps else task.ppo.n_envs
     env_purpose = Purpose.TEACHER if as_teacher else Purpose.TRAIN
     act_purpose = Purpose.ACT_AS_TEACHER if as_teacher else Purpose.ACT
     env, obs = start(task, learner.seeds, n_envs, env_purpose, k, one_episode=not by_steps)
@@ -235,11 +247,11 @@ def _explained_variance(samples: Samples) -> torch.Tensor:
     return (1 - error**2 / (spread**2).clamp(min=1e-12)).squeeze(1)
 
 
-def _check_weights(learner: Learner, k: int) -> None:
+def _check_weights(learner: Learner) -> None:
     finite = torch.isfinite(learner.student.storage).all(1)
     if not finite.all():
-        seed = learner.seeds[int((~finite).nonzero()[0])]
         raise DivergedError(
-            f"expected finite weights, found some that are not after iteration {k} of seed {seed}; "
-            "a smaller ppo.learning_rate may help"
+            "expected finite weights after the last step, found some that are not; "
+            "a smaller ppo.learning_rate may help",
+            row=int((~finite).nonzero()[0]),
         )

@@ -105,7 +105,7 @@ def instance_loss(
     loss = masked_mean(surrogate, batch.counts)
     numbers = {"policy_loss": loss} | _ratio_numbers(log_probs, batch, ppo.clip_range)
     log_ratio = masked_mean(log_probs - batch.behavior_log_probs, batch.counts)
-    return loss, numbers | {"log_ratio": log_ratio}
+    return loss, numbers | {"log_ratio": log_ratio, "kept_clip_fraction": numbers["clip_fraction"]}
 
 
 def _ratio_numbers(log_probs: Tensor, batch: Samples, clip_range: float) -> dict[str, Tensor]:
@@ -167,10 +167,12 @@ def learn_on_policy(
                 share = instances.pick(*part(extra, done[0], done[1]))
                 ins_loss, seen = instance_loss(student, share, ppo)
                 loss = alpha_1 * loss + alpha_2 * ins_loss
-                means.add(share.counts, {"log_ratio": seen["log_ratio"]})
+                told = ("log_ratio", "kept_clip_fraction")
+                means.add(share.counts, {name: seen[name] for name in told})
             means.add(counts, numbers)
             moving = (counts > 0).tolist()
             scale = 1.0 if instances is not None else alpha_1
+            _check_finite(loss, numbers)
             _step(student, optimizer, loss, moving, moving, scale)
     return means.numpy()
 
@@ -196,12 +198,26 @@ def learn_from_instances(
             positions, counts = part(order, *bounds)
             loss, numbers = instance_loss(student, samples.pick(positions, counts), ppo)
             means.add(counts, numbers)
+            _check_finite(loss, numbers)
             _step(student, optimizer, loss, (counts > 0).tolist(), still, alpha_2)
     return means.numpy()
 
 
 def _seats(positions: Tensor) -> tuple[Tensor, Tensor]:
     return torch.arange(len(positions)).unsqueeze(1), positions
+
+
+def _check_finite(loss: Tensor, parts: dict[str, Tensor]) -> None:
+    """Check each seed's loss (S,); name the first of its parts that is not finite."""
+    if torch.isfinite(loss).all():
+        return
+    row = int((~torch.isfinite(loss)).nonzero()[0])
+    name = next((n for n, part in parts.items() if not torch.isfinite(part[row])), "loss")
+    raise DivergedError(
+        f"expected a finite {name}, found {parts.get(name, loss)[row].item()}; "
+        "a smaller ppo.learning_rate or rewards of a smaller scale may help",
+        row=row,
+    )
 
 
 def _step(
@@ -213,12 +229,6 @@ def _step(
     scale: float,
 ) -> None:
     """Follow the gradient of the sum of all seeds' losses, (S,); seeds share no parameter."""
-    if not torch.isfinite(loss).all():
-        bad = int((~torch.isfinite(loss)).nonzero()[0])
-        raise DivergedError(
-            f"expected a finite loss, found {loss[bad].item()} for seed number {bad}; "
-            "a smaller ppo.learning_rate or rewards of a smaller scale may help"
-        )
     student.gradients.zero_()
     torch.autograd.backward(loss.sum())
     optimizer.step(policies, critics, scale)

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from repaint_cli.envs.racer.car import FRONT_OFFSET
 from repaint_cli.evaluate import Episodes
 from repaint_cli.history import Run
 from repaint_cli.metrics import Report
@@ -17,9 +18,6 @@ from repaint_cli.tasks import GymEnv, RacerEnv, TaskCard, load_track
 
 PANELS = 6
 """Checkpoints whose trajectories are drawn."""
-
-FRONT_POINT = 0.14
-"""How far the racer's reported point is ahead of its base point, m."""
 
 
 def draw_run(run: Run, reports: Sequence[Report]) -> list[Path]:
@@ -110,8 +108,6 @@ def _replay(played: Episodes, e: int) -> Episode:
     steps = played.lengths[0, e]
     actions = played.actions[:steps, 0, e]
     rewards = played.rewards[:steps, 0, e]
-    if actions.dtype.kind == "f":
-        actions = actions.astype(np.float64)
     return Episode(played.env_seeds[e], actions, rewards)
 
 
@@ -119,7 +115,7 @@ def _drive(played: Episodes, e: int) -> Drive:
     assert played.images is not None
     steps = played.lengths[0, e]
     state = {name: rows[:steps, 0, e] for name, rows in played.records.items()}
-    ahead = FRONT_POINT * np.stack([np.cos(state["heading"]), np.sin(state["heading"])], -1)
+    ahead = FRONT_OFFSET * np.stack([np.cos(state["heading"]), np.sin(state["heading"])], -1)
     return Drive(
         xy=np.stack([state["x"], state["y"]], -1) - ahead,
         heading=state["heading"],

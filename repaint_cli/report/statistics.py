@@ -58,19 +58,6 @@ def bootstrap_mean(values: Floats, level: float = 0.95, seed: int = 0) -> tuple[
     return low, high
 
 
-def interquartile_mean(values: ArrayLike) -> float:
-    """Return the mean of the middle half: ⌊R/4⌋ runs are dropped at either end (as rliable does).
-
-    Args:
-        values: one number a run, (R,).
-    """
-    runs = np.sort(_vector(values))
-    if len(runs) == 0 or np.isnan(runs).any():
-        return np.nan
-    cut = len(runs) // 4
-    return float(runs[cut : len(runs) - cut].mean())
-
-
 def area_under_curve(returns: ArrayLike) -> Floats:
     """Return the area under each seed's learning curve, divided by its length: a mean return.
 
