@@ -151,7 +151,8 @@ def run(row: Row, task: str, plan: tuple[str, str, str], folder: Path) -> Path:
         "--seed", seed, "--seeds", seeds, "--iterations", iterations, "--run", str(folder),
         *(("--teacher", row.teacher) if row.teacher else ()), *row.options,
     ]  # fmt: skip
-    settings = f"{' '.join(command)}\n{read_task(task).model_dump_json()}\n"
+    card = read_task(task).with_settings(list(row.options[1::2]))
+    settings = f"{' '.join(command)}\n{card.model_dump_json()}\n"
     done = folder / "done"
     if not done.exists() or done.read_text(encoding="utf-8") != settings:
         shutil.rmtree(folder, ignore_errors=True)
@@ -195,7 +196,8 @@ def markdown(table: list[dict[str, object]]) -> Iterator[str]:
                 cell += f" ({mean(mine, f'progress_{k}'):.0f} %)"
             cells.append(cell)
         areas = [float(str(line["area"])) for line in mine]
-        reached = ", ".join(str(line["to_target"] or "-") for line in mine)
+        first = [str(line["to_target"] or "never") for line in mine]
+        reached = ", ".join(first) if set(first) != {"never"} else "never"
         span = f"{mean(mine, 'area'):.1f} [{min(areas):.1f}, {max(areas):.1f}]"
         yield f"| {label} | {' | '.join(cells)} | {span} | {reached} |"
 

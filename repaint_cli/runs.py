@@ -9,8 +9,6 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
-import torch
-
 from repaint_cli import checkpoint, zoo
 from repaint_cli.config import METHODS, TransferConfig
 from repaint_cli.errors import CheckpointError, StoreError, TeacherMismatch, telling_where
@@ -25,6 +23,9 @@ from repaint_cli.tasks import TaskCard
 
 CHECKPOINT = "checkpoint.safetensors"
 """All that the learner is after the last finished iteration."""
+
+BEST = "best"
+"""Name of the best evaluated policy of a run so far, a teacher in the run's folder."""
 
 SCORE_EPISODES = {"gymnasium": 100, "racer": 20}
 """Episodes in a teacher's score, by simulator."""
@@ -44,17 +45,6 @@ class Plan:
     def transfer(self) -> TransferConfig:
         """What the method leaves of the task's transfer settings."""
         return METHODS[self.method].apply(self.task.transfer)
-
-
-@dataclass(frozen=True)
-class Best:
-    """The best evaluated policy of a run so far."""
-
-    mean_return: float
-    seed_number: int
-    iteration: int
-    env_steps: int
-    leaves: dict[str, torch.Tensor]
 
 
 class Experiment:
@@ -79,7 +69,7 @@ class Experiment:
         if plan.teacher and METHODS[plan.method].needs_teacher:
             self._load_teacher(plan.teacher, spaces)
         self.reports: list[Report] = []
-        self.best: Best | None = None
+        self.best_return = float("-inf")
         self._claim_folder()
 
     def _load_teacher(self, path: Path, spaces: Spaces) -> None:
@@ -136,11 +126,9 @@ class Experiment:
         self.reports.append(report)
         means = report.evaluation.returns.mean(1)
         s = int(means.argmax())
-        if self.best is None or means[s] > self.best.mean_return:
-            tensors = checkpoint.policy_tensors(self.learner.student, s)
-            leaves = {name: leaf.detach().clone() for name, leaf in tensors.items()}
-            steps = int(self.learner.env_steps[s])
-            self.best = Best(float(means[s]), s, report.stats.iteration, steps, leaves)
+        if means[s] > self.best_return:
+            zoo.add(self.learner.student, s, self._card(BEST, s), folder)
+            self.best_return = float(means[s])
 
     def _write_record(self, state: str, **more: Any) -> None:
         plan = self.plan
@@ -169,19 +157,9 @@ class Experiment:
 
     def best_teacher(self, name: str, folder: Path) -> Path:
         """Score the best evaluated policy on fresh seeds and write it as a teacher."""
-        best = self.best
-        if best is None:
-            raise StoreError("no iteration was finished, so there is no teacher to keep")
-        network = ActorCritic(self.learner.student.spaces, self.plan.task.net, 1)
-        checkpoint.load_policy(network, best.leaves, "best policy")
-        card = self._card(name, best.seed_number).model_copy(
-            update={
-                "iteration": best.iteration,
-                "env_steps": best.env_steps,
-                "score": score(network, self.plan.task, self.plan.seeds[best.seed_number]),
-            }
-        )
-        return zoo.add(network, 0, card, folder)
+        network, card = zoo.load_teacher(self.plan.folder / f"{BEST}.safetensors")
+        scored = {"name": name, "score": score(network, self.plan.task, card.seed)}
+        return zoo.add(network, 0, card.model_copy(update=scored), folder)
 
     def _card(self, name: str, s: int) -> zoo.TeacherCard:
         spaces = self.learner.student.spaces

@@ -1,9 +1,11 @@
 """The manual is a test: every command is shown and explained, and what is shown can be typed."""
 
+import csv
 import re
 import shlex
 from pathlib import Path
 
+import methods
 import pytest
 import typer
 
@@ -75,3 +77,11 @@ def test_the_manual_speaks_of_every_exit_code():
     )
     codes = {kind.exit_code for kind in vars(errors).values() if hasattr(kind, "exit_code")}
     assert codes == {int(n) for n in re.findall(r"\b(\d) ", line)}
+
+
+@pytest.mark.parametrize("task", sorted(methods.TEACHERS))
+def test_the_tables_are_those_that_were_measured(task):
+    with (methods.RESULTS / f"readme-{task}.csv").open(encoding="utf-8", newline="") as file:
+        measured = list(csv.DictReader(file))
+    for line in methods.markdown(measured):
+        assert line in README

@@ -29,7 +29,10 @@ from repaint_cli.nets import ActorCritic
 from repaint_cli.tasks import TaskCard
 
 SCRATCH = ["transfer", "--method", "scratch", "--task", "reacher", "--run", "run", *QUICK]
-ALWAYS = {"run.json", "metrics.csv", "checkpoint.safetensors", "curves.png", "trajectories.png"}
+ALWAYS = {
+    "run.json", "metrics.csv", "checkpoint.safetensors", "best.safetensors",
+    "curves.png", "trajectories.png",
+}  # fmt: skip
 
 
 def rows_of(folder):
@@ -225,7 +228,7 @@ def test_a_real_ctrl_c_ends_a_real_process(home):
                 break
         out, err = process.communicate(timeout=60)
     assert (process.returncode, err) == (130, "")
-    assert "wrote run/: run.json, metrics.csv, checkpoint.safetensors, seed-0.safetensors" in out
+    assert "wrote run/: run.json, metrics.csv, checkpoint.safetensors, best.safetensors" in out
     assert load(home / "run" / "checkpoint.safetensors")[1]["iteration"] >= 3
     assert same_policies(home / "run")
 

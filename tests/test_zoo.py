@@ -1,6 +1,7 @@
 """Teachers: one file each, found by name, told apart when damaged."""
 
 import json
+import re
 
 import pytest
 import torch
@@ -207,3 +208,9 @@ def test_a_shipped_teacher_is_sound_small_scored_and_of_the_task_as_it_is_now(pa
     now = read_task(card.task.name)
     assert (card.task.env, card.task.reward) == (now.env, now.reward)
     assert weights_of(path)
+
+
+def test_the_shipped_racer_laps_its_own_lane(repaint):
+    said = repaint("eval", "racer-inner", "--episodes", 5)
+    laps = int(re.search(r"(\d) of 5", said.out)[1])
+    assert laps >= 4

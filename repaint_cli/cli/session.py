@@ -12,7 +12,7 @@ from repaint_cli.history import read_run
 from repaint_cli.paths import user_zoo
 from repaint_cli.report.events import Events, require_tensorboard
 from repaint_cli.report.pictures import draw_run
-from repaint_cli.runs import CHECKPOINT, Experiment, Plan, stamp
+from repaint_cli.runs import BEST, CHECKPOINT, Experiment, Plan, stamp
 
 
 def new_folder(run: Path | None, task: str, what: str) -> Path:
@@ -76,7 +76,8 @@ def carry_out(plan: Plan, tensorboard: bool, teacher: tuple[str, Path] | None = 
         out.print(f"interrupted after iteration {len(experiment.reports)}")
         if not experiment.reports:
             raise
-    written = [plan.folder / name for name in ("run.json", "metrics.csv", CHECKPOINT)]
+    names = ("run.json", "metrics.csv", CHECKPOINT, f"{BEST}.safetensors")
+    written = [plan.folder / name for name in names]
     written += experiment.policies()
     following = f"repaint eval {plan.folder} --render-offscreen"
     if teacher and not interrupted:  # before anything that might fail
