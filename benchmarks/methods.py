@@ -69,15 +69,12 @@ def readme_rows(task: str) -> Iterator[Row]:
             f"repaint from {teacher}, paper's numbers", "repaint", teacher, paper_numbers(task)
         )
         yield Row(f"repaint from {teacher}, our defaults", "repaint", teacher)
-    if task == "reacher":  # the best of the choosing table where the tasks are alike
-        leaning = sets(
-            select__scale="student-batch",
-            transfer__kickstart_coef=1,
-            transfer__iterations=15,
-        )
-        yield Row(
-            "repaint from reacher-gentle, leaning on it", "repaint", "reacher-gentle", leaning
-        )
+    if task == "reacher":  # what a teacher of a task that is alike deserves
+        leaning = sets(transfer__kickstart_coef=1, transfer__iterations=15)
+        label = "from reacher-gentle, leaning on it"
+        yield Row(f"kickstart {label}", "kickstart", "reacher-gentle", leaning)
+        leaning += sets(select__scale="student-batch")
+        yield Row(f"repaint {label}", "repaint", "reacher-gentle", leaning)
 
 
 def choose_rows(task: str) -> Iterator[Row]:
@@ -108,15 +105,16 @@ def choose_rows(task: str) -> Iterator[Row]:
 def confirm_rows(task: str) -> Iterator[Row]:
     """Yield the most promising settings, to be told apart on fresh seeds and for longer."""
     yield Row("scratch", "scratch")
-    for teacher, (beta, length, scale, softness) in product(TEACHERS[task], FINALISTS[task]):
+    for teacher, (beta, length, scale, alpha, softness) in product(TEACHERS[task], FINALISTS[task]):
         options = SPREAD[task] + sets(
             transfer__kickstart_coef=beta,
             transfer__iterations=length,
-            transfer__alpha_2=min(ALPHAS[task]),
+            transfer__alpha_2=alpha,
             transfer__teacher_temperature=softness,
             select__scale=scale,
         )
         label = f"repaint from {teacher}, β₀={beta}, K={length}, {scale}"
+        label += f", α₂={alpha}" if alpha != 1 else ""
         label += f", temperature {softness}" if softness != 1 else ""
         yield Row(label, "repaint", teacher, options)
 
@@ -127,10 +125,13 @@ LENGTHS = {"reacher": (15, 4), "racer-outer": (4,)}
 ALPHAS = {"reacher": (1,), "racer-outer": (1, 0.1)}
 SPREAD = {"reacher": sets(transfer__teacher_min_std=0.4), "racer-outer": ()}
 FINALISTS = {
-    "reacher": ((0.2, 4, "none", 1), (0.2, 4, "teacher-batch", 1), (0.2, 15, "teacher-batch", 1)),
-    "racer-outer": ((0.2, 4, "none", 1), (0.05, 4, "none", 1), (0.2, 4, "none", 3)),
-}
-"""β₀, K, the scale of ζ and the softmax temperature of a discrete teacher."""
+    "reacher": (
+        (0.2, 4, "none", 1, 1), (0.2, 4, "teacher-batch", 1, 1), (0.2, 4, "teacher-batch", 0.1, 1),
+        (0.2, 15, "teacher-batch", 1, 1),
+    ),
+    "racer-outer": ((0.2, 4, "none", 0.1, 1), (0.05, 4, "none", 0.1, 1), (0.2, 4, "none", 0.1, 3)),
+}  # fmt: skip
+"""β₀, K, the scale of ζ, α₂ and the softmax temperature of a discrete teacher."""
 ROWS = {"choose": choose_rows, "confirm": confirm_rows, "readme": readme_rows}
 PLANS = {
     ("readme", "reacher"): ("0", "3", "20"),
