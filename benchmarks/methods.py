@@ -123,7 +123,10 @@ TEACHERS = {"reacher": ("reacher-gentle", "reacher-away"), "racer-outer": ("race
 BETAS = {"reacher": (0.2, 1.0), "racer-outer": (0.2,)}
 LENGTHS = {"reacher": (15, 4), "racer-outer": (4,)}
 ALPHAS = {"reacher": (1,), "racer-outer": (1, 0.1)}
-SPREAD = {"reacher": sets(transfer__teacher_min_std=0.4), "racer-outer": ()}
+SPREAD = {
+    "reacher": sets(transfer__teacher_min_std=0.4),
+    "racer-outer": sets(transfer__teacher_temperature=1),
+}
 FINALISTS = {
     "reacher": (
         (0.2, 4, "none", 1, 1), (0.2, 4, "teacher-batch", 1, 1), (0.2, 4, "teacher-batch", 0.1, 1),
