@@ -95,7 +95,7 @@ def choose_rows(task: str) -> Iterator[Row]:
             sharp += sets(transfer__kickstart_coef=0.2, transfer__iterations=15)
             yield Row(f"repaint from {teacher}, its σ as trained", "repaint", teacher, sharp)
         else:
-            weak = sets(transfer__kickstart_coef=0.05, transfer__iterations=4)
+            weak = SPREAD[task] + sets(transfer__kickstart_coef=0.05, transfer__iterations=4)
             yield Row(f"kickstart from {teacher}, β₀=0.05, K=4", "kickstart", teacher, weak)
             weak += sets(select__scale="student-batch", transfer__alpha_2=0.1)
             label = f"repaint from {teacher}, β₀=0.05, K=4, student-batch, α₂=0.1"
