@@ -29,7 +29,7 @@ def seen(track, x, y, heading):
     picture = ground.ground_of(track)
     image = np.zeros((camera.HEIGHT, camera.WIDTH), np.uint8)
     parts = (picture.levels, picture.origin, picture.field, camera.WALLS)
-    camera.render(state, camera.row_table(), *parts, image)
+    camera.render(state, 0.0, camera.row_table(), *parts, image)
     return image
 
 

@@ -29,8 +29,23 @@ WALLS = np.array([24, 36, 48, 60], dtype=np.uint8)
 """Grey levels at least x, greatest x, least y, greatest y; unequal, to tell directions."""
 WALLS.flags.writeable = False
 
+EYES = (0.0,)
+"""How far left of the car's middle the single camera is, m."""
+STEREO_EYES = (0.03, -0.03)
+"""The same of the two, left and right."""
+
 AHEAD, SIDE, LEVEL, SIZE, SKYWARD = range(5)
 """Columns of `row_table`."""
+
+
+def lens() -> NDArray[np.float64]:
+    """Return the camera's numbers as kernels read them, (6,).
+
+    They are how far ahead of the base and how high it is (m), its pitch (rad), the tangents of half
+    its angles of view, and its focal length in pixels.
+    """
+    half = np.array([WIDTH, HEIGHT]) / 2 / FOCAL
+    return np.array([CAMERA_X, CAMERA_Z, PITCH, *half, FOCAL])
 
 
 def row_table() -> NDArray[np.float64]:
@@ -100,6 +115,7 @@ def _ground_span(
 @kernel
 def render(
     state: np.ndarray,
+    eye_side: float,
     table: np.ndarray,
     levels: tuple[np.ndarray, ...],
     origin: np.ndarray,
@@ -111,6 +127,7 @@ def render(
 
     Args:
         state: the car's x, y (m) and heading (rad) first, (5,).
+        eye_side: how far left of the car's middle the camera is, m.
         table: `row_table()`, (120, 5).
         levels: `Ground.levels`.
         origin: `Ground.origin`, (2,), m.
@@ -119,10 +136,11 @@ def render(
         image: filled, (120, 160) uint8.
     """
     cos, sin = np.cos(state[2]), np.sin(state[2])
-    eye_x, eye_y = state[0] + CAMERA_X * cos, state[1] + CAMERA_X * sin
+    eye_x = state[0] + CAMERA_X * cos - eye_side * sin
+    eye_y = state[1] + CAMERA_X * sin + eye_side * cos
     for row in range(HEIGHT):
         ahead, side = table[row, AHEAD], table[row, SIDE]
-        left = (WIDTH / 2 - 0.5) * side
+        left = (WIDTH / 2 - 0.5) * side + eye_side
         x, y = state[0] + ahead * cos - left * sin, state[1] + ahead * sin + left * cos
         dx, dy = side * sin, -side * cos
         first_x, end_x = _inside_span(x, dx, field[0], field[2])
@@ -146,13 +164,19 @@ def render(
 def render_rows(
     rows: np.ndarray,
     states: np.ndarray,
+    eye_side: float,
     table: np.ndarray,
     levels: tuple[np.ndarray, ...],
     origin: np.ndarray,
     field: np.ndarray,
     walls: np.ndarray,
     images: np.ndarray,
+    channel: int,
 ) -> None:
-    """Draw the pictures of some cars, by row number (K,), into images (N, 120, 160, 1)."""
+    """Draw what some cars (K,) see into a channel of images (N, 120, 160, C).
+
+    See `render` for the other arguments.
+    """
     for row in rows:
-        render(states[row], table, levels, origin, field, walls, images[row, :, :, 0])
+        image = images[row, :, :, channel]
+        render(states[row], eye_side, table, levels, origin, field, walls, image)

@@ -200,7 +200,7 @@ class RacerVectorEnv(VectorEnv[Images, NDArray[np.int64], Any]):
     def _draw(self, rows: Rows, images: Images) -> None:
         ground = self._ground
         picture = (ground.levels, ground.origin, ground.field, WALLS)
-        render_rows(rows, self._fleet.states, self._row_table, *picture, images)
+        render_rows(rows, self._fleet.states, 0.0, self._row_table, *picture, images, 0)
         if self._noise is not None:
             for row in rows:
                 image = images[row, :, :, 0]

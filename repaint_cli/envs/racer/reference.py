@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from repaint_cli.envs.racer import camera, car, ground
+from repaint_cli.envs.racer import boxes, camera, car, ground
 from repaint_cli.envs.racer.track import Floats, Track
 
 
@@ -50,6 +50,19 @@ def locate(track: Track, states: Floats) -> Floats:
     return np.stack(columns, axis=1)
 
 
+def bot_points(track: Track, along: Floats, sides: Floats) -> Floats:
+    """Return where bots are, (N, B, 2), by arclength and side, each (N, B)."""
+
+    def at(ring: Floats) -> Floats:
+        columns = [np.interp(along, track.distances, ring[:, k]) for k in (0, 1)]
+        return np.stack(columns, axis=-1)
+
+    centre, inner, outer = at(track.centre), at(track.inner), at(track.outer)
+    border = np.where(sides[..., None] > 0, inner, outer)
+    points: Floats = centre + np.abs(sides)[..., None] / 2 * (border - centre)
+    return points
+
+
 def drive(
     states: Floats, before: Floats, commands: Floats, profile: car.CarProfile, seconds: float
 ) -> Floats:
@@ -90,13 +103,13 @@ def luma(track: Track, points: Floats) -> Floats:
     return np.array(levels)
 
 
-def render(state: Floats, picture: ground.Ground) -> Floats:
+def render(state: Floats, picture: ground.Ground, eye_side: float = 0.0) -> Floats:
     """Return what the camera of a car (5,) sees, (120, 160), casting a ray through every pixel.
 
     The ray runs to the ground and to the planes of the four walls; what it meets first counts.
     """
     rays = _rays(state[car.YAW])  # (120, 160, 3)
-    eye = np.append(state[:2] + _rotations(state[2:3])[0] @ [camera.CAMERA_X, 0], camera.CAMERA_Z)
+    eye = _eye(state, eye_side)
     grey = np.full(rays.shape[:2], float(camera.SKY))
     nearest = np.full(rays.shape[:2], np.inf)
     with np.errstate(divide="ignore"):
@@ -113,6 +126,54 @@ def render(state: Floats, picture: ground.Ground) -> Floats:
         points = eye[:2] + down[row, seen, None] * rays[row, seen, :2]
         grey[row, seen] = _bilinear(picture.levels[level], points - picture.origin, level)
     return grey
+
+
+def draw_boxes(state: Floats, eye_side: float, poses: Floats, grey: Floats) -> Floats:
+    """Return a picture (120, 160) with boxes (B, ≥3) in it: every pixel's nearest face."""
+    rays = _rays(state[car.YAW])
+    nearest, grey = np.full(rays.shape[:2], np.inf), grey.copy()
+    for box in poses:
+        far, level = _faces(box, _eye(state, eye_side), rays)
+        closer = far < nearest
+        nearest[closer], grey[closer] = far[closer], level[closer]
+    return grey
+
+
+def scan(state: Floats, poses: Floats) -> Floats:
+    """Return what a lidar reads, (64,), without noise, by walking 0.1 mm steps along each beam."""
+    angles = state[2] + np.pi + boxes.FIRST_BEAM + boxes.BEAM_SPAN * np.arange(64) / 63
+    start = state[:2] + _rotations(state[2:3])[0] @ [boxes.BEAM_X, 0]
+    steps = np.arange(0, boxes.RANGE, 1e-4)
+    points = start + steps[:, None, None] * np.stack([np.cos(angles), np.sin(angles)], -1)
+    inside = np.zeros(points.shape[:2], bool)
+    for x, y, yaw in poses[:, :3]:
+        own = (points - [x, y]) @ _rotations(np.array([yaw]))[0]
+        inside |= (np.abs(own) <= [boxes.LENGTH / 2, boxes.WIDTH / 2]).all(-1)
+    ranges: Floats = np.where(inside.any(0), steps[inside.argmax(0)], boxes.RANGE)
+    return ranges
+
+
+def _faces(box: Floats, eye: Floats, rays: Floats) -> tuple[Floats, Floats]:
+    """Return how far along each ray (120, 160, 3) a box's first face is, and its grey level."""
+    turn = _rotations(box[2:3])[0]
+    half = np.array([boxes.LENGTH, boxes.WIDTH, boxes.HEIGHT]) / 2
+    at = np.append((eye[:2] - box[:2]) @ turn, eye[2] - half[2])
+    way = np.concatenate([rays[..., :2] @ turn, rays[..., 2:]], axis=-1)
+    nearest, grey = np.full(rays.shape[:2], np.inf), np.zeros(rays.shape[:2])
+    for axis, level in enumerate((boxes.END, boxes.FLANK, np.nan)):
+        others = [k for k in range(3) if k != axis]
+        for plane in (-half[axis], half[axis]):
+            with np.errstate(divide="ignore", invalid="ignore"):
+                far = (plane - at[axis]) / way[..., axis]
+                inside = np.abs(at + far[..., None] * way)[..., others] <= half[others]
+            hit = (far > 0) & inside.all(-1) & (far < nearest)
+            nearest[hit], grey[hit] = far[hit], level
+    return nearest, grey
+
+
+def _eye(state: Floats, eye_side: float) -> Floats:
+    place = state[:2] + _rotations(state[2:3])[0] @ [camera.CAMERA_X, eye_side]
+    return np.append(place, camera.CAMERA_Z)
 
 
 def _rotations(yaw: Floats) -> Floats:

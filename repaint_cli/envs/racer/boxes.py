@@ -1,0 +1,164 @@
+"""Bots as a camera and a lidar meet them: upright boxes on flat ground. Metres, radians.
+
+Rays are followed in the box's own frame, where it is three pairs of planes.
+"""
+
+import numpy as np
+
+from repaint_cli.envs.racer.kernels import kernel
+
+LENGTH, WIDTH, HEIGHT = 0.324, 0.188, 0.21
+"""Of a bot's body, m."""
+END, FLANK = 40, 28
+"""Grey levels of its faces, apart so that its heading can be seen; no camera sees its top."""
+BEAMS = 64
+BEAM_X = 0.02913
+"""Where the lidar is, ahead of the base, m."""
+FIRST_BEAM, BEAM_SPAN = -2.61799, 5.23598
+"""Of the beams' angles, which count from straight back, so that the blind 60° face forward, rad."""
+RANGE = 1.0
+"""What a beam reads that meets nothing, m."""
+
+
+@kernel
+def _slab(origin: float, slope: float, half: float, near: float, far: float) -> tuple[float, float]:
+    """Return where a ray is between two planes at ±half, within near..far already known."""
+    if abs(slope) < 1e-12:
+        return (near, far) if abs(origin) <= half else (1.0, 0.0)
+    a, b = (-half - origin) / slope, (half - origin) / slope
+    return max(near, min(a, b)), min(far, max(a, b))
+
+
+@kernel
+def beam(x: float, y: float, angle: float, box: np.ndarray) -> float:
+    """Return how far a horizontal ray runs from (x, y) to a box, or infinity.
+
+    Args:
+        x: of its origin, m.
+        y: of its origin, m.
+        angle: of its direction, rad.
+        box: x, y (m) and heading (rad) first.
+    """
+    cos, sin = np.cos(box[2]), np.sin(box[2])
+    dx, dy = x - box[0], y - box[1]
+    rx, ry = np.cos(angle), np.sin(angle)
+    near, far = _slab(dx * cos + dy * sin, rx * cos + ry * sin, LENGTH / 2.0, 0.0, np.inf)
+    near, far = _slab(dy * cos - dx * sin, ry * cos - rx * sin, WIDTH / 2.0, near, far)
+    return near if near <= far else np.inf
+
+
+@kernel
+def scan_rows(rows: np.ndarray, states: np.ndarray, poses: np.ndarray, ranges: np.ndarray) -> None:
+    """Measure what the lidars of some cars read, without noise.
+
+    Args:
+        rows: which cars, (K,).
+        states: base x, y (m) and heading (rad) first, (N, ≥3).
+        poses: of their bots, (N, B, ≥3).
+        ranges: filled, (N, 64), m; `RANGE` where nothing is nearer.
+    """
+    reach = RANGE + LENGTH
+    for row in rows:
+        yaw = states[row, 2]
+        x = states[row, 0] + BEAM_X * np.cos(yaw)
+        y = states[row, 1] + BEAM_X * np.sin(yaw)
+        ranges[row] = RANGE
+        for bot in range(poses.shape[1]):
+            box = poses[row, bot]
+            if (box[0] - x) ** 2 + (box[1] - y) ** 2 > reach * reach:
+                continue
+            for k in range(BEAMS):
+                angle = yaw + np.pi + FIRST_BEAM + BEAM_SPAN * k / (BEAMS - 1)
+                ranges[row, k] = min(ranges[row, k], beam(x, y, angle, box))
+
+
+@kernel
+def _bounds(
+    ahead: float, left: float, cos: float, sin: float, lens: np.ndarray, size: tuple[int, int]
+) -> tuple[int, int, int, int]:
+    """Return first and end row and column of the pixels that may show a box in the eye's frame."""
+    rows, columns = size
+    height, pitch, focal = lens[1], lens[2], lens[5]
+    top, bottom, first, last = np.inf, -np.inf, np.inf, -np.inf
+    for corner in range(8):
+        a = LENGTH / 2.0 if corner & 1 else -LENGTH / 2.0
+        b = WIDTH / 2.0 if corner & 2 else -WIDTH / 2.0
+        z = (HEIGHT if corner & 4 else 0.0) - height
+        x, y = ahead + a * cos - b * sin, left + a * sin + b * cos
+        depth = x * np.cos(pitch) - z * np.sin(pitch)
+        if depth < 0.01:  # beside the eye: it may show anywhere
+            return 0, rows, 0, columns
+        down = -(x * np.sin(pitch) + z * np.cos(pitch)) / depth * focal + rows / 2.0
+        right = -y / depth * focal + columns / 2.0
+        top, bottom = min(top, down), max(bottom, down)
+        first, last = min(first, right), max(last, right)
+    return (
+        int(min(max(np.floor(top), 0), rows)), int(min(max(np.ceil(bottom), 0), rows)),
+        int(min(max(np.floor(first), 0), columns)), int(min(max(np.ceil(last), 0), columns)),
+    )  # fmt: skip
+
+
+@kernel
+def draw_box(
+    state: np.ndarray, eye_side: float, box: np.ndarray, lens: np.ndarray, image: np.ndarray
+) -> None:
+    """Draw one box over what the camera of a car sees.
+
+    Args:
+        state: the car's x, y (m) and heading (rad) first.
+        eye_side: how far left of the car's middle the eye is, m.
+        box: x, y (m) and heading (rad) first.
+        lens: `camera.lens()`, (6,).
+        image: changed, (120, 160) uint8.
+    """
+    rows, columns = image.shape
+    forward, height, pitch, focal = lens[0], lens[1], lens[2], lens[5]
+    yaw = state[2]
+    dx, dy = box[0] - state[0], box[1] - state[1]
+    ahead = dx * np.cos(yaw) + dy * np.sin(yaw) - forward
+    left = dy * np.cos(yaw) - dx * np.sin(yaw) - eye_side
+    cos, sin = np.cos(box[2] - yaw), np.sin(box[2] - yaw)
+    if ahead < -LENGTH:
+        return
+    top, bottom, first, last = _bounds(ahead, left, cos, sin, lens, (rows, columns))
+    ox, oy = -(ahead * cos + left * sin), -(left * cos - ahead * sin)  # the eye, in the box's frame
+    oz = height - HEIGHT / 2.0
+    for r in range(top, bottom):
+        v = (r + 0.5 - rows / 2.0) / focal
+        run = np.cos(pitch) - v * np.sin(pitch)  # of the ray, ahead of the car
+        rise = -np.sin(pitch) - v * np.cos(pitch)
+        near_z, far_z = _slab(oz, rise, HEIGHT / 2.0, 0.0, np.inf)
+        if near_z > far_z:
+            continue
+        for c in range(first, last):
+            u = -(c + 0.5 - columns / 2.0) / focal  # to the left
+            near_x, far = _slab(ox, run * cos + u * sin, LENGTH / 2.0, near_z, far_z)
+            near, far = _slab(oy, u * cos - run * sin, WIDTH / 2.0, near_x, far)
+            if near <= far and near > 0.0:
+                image[r, c] = FLANK if near > near_x else END
+
+
+@kernel
+def draw_rows(
+    rows: np.ndarray, states: np.ndarray, poses: np.ndarray, eye_side: float, lens: np.ndarray,
+    images: np.ndarray, channel: int,
+) -> None:  # fmt: skip
+    """Draw the bots of some cars into images (N, 120, 160, C), the farthest first.
+
+    See `draw_box` for the arguments; poses are (N, B, ≥3), rows (K,).
+    """
+    n_bots = poses.shape[1]
+    far, done = np.empty(n_bots), np.empty(n_bots, np.bool_)
+    for row in rows:
+        for bot in range(n_bots):
+            far[bot] = np.hypot(
+                poses[row, bot, 0] - states[row, 0], poses[row, bot, 1] - states[row, 1]
+            )
+            done[bot] = False
+        for _ in range(n_bots):
+            next_bot = -1
+            for bot in range(n_bots):
+                if not done[bot] and (next_bot < 0 or far[bot] > far[next_bot]):
+                    next_bot = bot
+            done[next_bot] = True
+            draw_box(states[row], eye_side, poses[row, next_bot], lens, images[row, :, :, channel])

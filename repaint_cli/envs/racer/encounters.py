@@ -1,0 +1,125 @@
+"""What a car has to do with the bots around it: how near, who is next, seen or hit. SI units.
+
+All cars have the body of DeepRacer's collision rectangle, centred on the base.
+"""
+
+import numpy as np
+
+from repaint_cli.envs.racer.kernels import kernel
+
+BODY_LENGTH, BODY_WIDTH = 0.32352, 0.1961
+"""Of the collision rectangle, m."""
+CLEAR = 0.8
+"""A car further than this from every bot, middle to middle, is clear of them, m."""
+HAZARD, HAZARD_ANGLE = 0.5, np.deg2rad(30.0)
+"""A bot nearer than this (m) and less than this off the bow (rad) is a hazard."""
+NEAR, FAR = 0.2, 300.0
+"""Depth of the camera's view of objects, m."""
+
+DISTANCE, HAZARDS, HIT, AT_FAULT, NEXT, NEXT_SEEN = range(6)
+"""Columns of `meet`'s answer."""
+
+
+@kernel
+def corners_of(x: float, y: float, yaw: float, out: np.ndarray) -> None:
+    """Fill `out`, (4, 2), with a body's corners, m."""
+    cos, sin = np.cos(yaw), np.sin(yaw)
+    for k in range(4):
+        ahead = BODY_LENGTH / 2.0 if k < 2 else -BODY_LENGTH / 2.0
+        left = BODY_WIDTH / 2.0 if k % 2 == 0 else -BODY_WIDTH / 2.0
+        out[k, 0] = x + ahead * cos - left * sin
+        out[k, 1] = y + ahead * sin + left * cos
+
+
+@kernel
+def body_holds(x: float, y: float, yaw: float, px: float, py: float) -> bool:
+    """Tell whether a body at (x, y) with a heading holds the point (px, py)."""
+    cos, sin = np.cos(yaw), np.sin(yaw)
+    ahead = (px - x) * cos + (py - y) * sin
+    left = (py - y) * cos - (px - x) * sin
+    return bool(abs(ahead) <= BODY_LENGTH / 2.0 and abs(left) <= BODY_WIDTH / 2.0)
+
+
+@kernel
+def in_view(state: np.ndarray, lens: np.ndarray, px: float, py: float) -> bool:
+    """Tell whether a car's camera has the ground point (px, py) in its picture.
+
+    Args:
+        state: the car's x, y (m) and heading (rad) first.
+        lens: `camera.lens()`, (6,).
+        px: x, m.
+        py: y, m.
+    """
+    ahead, height, pitch, half_width, half_height = lens[0], lens[1], lens[2], lens[3], lens[4]
+    cos, sin = np.cos(state[2]), np.sin(state[2])
+    x = (px - state[0]) * cos + (py - state[1]) * sin - ahead
+    y = (py - state[1]) * cos - (px - state[0]) * sin
+    depth = x * np.cos(pitch) + height * np.sin(pitch)
+    down = height * np.cos(pitch) - x * np.sin(pitch)
+    within = abs(y) <= depth * half_width and abs(down) <= depth * half_height
+    return bool(NEAR <= depth <= FAR and within)
+
+
+@kernel
+def meet(
+    rows: np.ndarray,
+    states: np.ndarray,
+    along: np.ndarray,
+    length: float,
+    poses: np.ndarray,
+    bots_along: np.ndarray,
+    lens: np.ndarray,
+    out: np.ndarray,
+) -> None:
+    """Find out how some cars stand to their bots.
+
+    A car hits a bot when one of its corners is inside the bot's body; it is at fault when the bot
+    is ahead of it on the track, by less than half a lap. The next bot is the first one ahead; it
+    is seen when its middle or a corner is in the picture.
+
+    Args:
+        rows: which cars, (K,).
+        states: base x, y (m) and heading (rad) first, (N, ≥3).
+        along: arclength of the cars along the centre line, (N,), m.
+        length: of the track, m.
+        poses: `Bots.poses`, (N, B, 4).
+        bots_along: `Bots.along`, (N, B), m.
+        lens: `camera.lens()`, (6,).
+        out: filled with the distance to the nearest bot (m), the number of hazards, the number of
+            bots hit, whether the car is at fault, which bot is next and whether it is seen, (N, 6).
+    """
+    mine, theirs = np.empty((4, 2)), np.empty((4, 2))
+    for row in rows:
+        x, y, yaw = states[row, 0], states[row, 1], states[row, 2]
+        corners_of(x, y, yaw, mine)
+        nearest, least_ahead = np.inf, np.inf
+        hazards, hit, at_fault, ahead_of_all = 0, 0, False, 0
+        for bot in range(poses.shape[1]):
+            bx, by, byaw = poses[row, bot, 0], poses[row, bot, 1], poses[row, bot, 2]
+            gap = np.hypot(bx - x, by - y)
+            nearest = min(nearest, gap)
+            bearing = np.arctan2(by - y, bx - x) - yaw
+            off_bow = abs(np.arctan2(np.sin(bearing), np.cos(bearing)))
+            if gap < HAZARD and off_bow < HAZARD_ANGLE:
+                hazards += 1
+            ahead = (bots_along[row, bot] - along[row]) % length
+            if ahead < least_ahead:
+                least_ahead, ahead_of_all = ahead, bot
+            touching = False
+            for k in range(4):
+                if body_holds(bx, by, byaw, mine[k, 0], mine[k, 1]):
+                    touching = True
+            if touching:
+                hit += 1
+                at_fault = at_fault or ahead < length / 2.0
+        nx, ny, nyaw = (
+            poses[row, ahead_of_all, 0],
+            poses[row, ahead_of_all, 1],
+            poses[row, ahead_of_all, 2],
+        )
+        corners_of(nx, ny, nyaw, theirs)
+        seen = in_view(states[row], lens, nx, ny)
+        for k in range(4):
+            seen = seen or in_view(states[row], lens, theirs[k, 0], theirs[k, 1])
+        out[row, DISTANCE], out[row, HAZARDS], out[row, HIT] = nearest, hazards, hit
+        out[row, AT_FAULT], out[row, NEXT], out[row, NEXT_SEEN] = at_fault, ahead_of_all, seen
