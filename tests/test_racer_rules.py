@@ -13,11 +13,12 @@ ROOT = Path(__file__).parents[1]
 REAL = ROOT.parent / "shared" / "data" / "deepracer"
 
 
-def judged(wheels=4, progress=50.0, steps=1, still=0, backwards=0):
+def judged(wheels=4, progress=50.0, steps=1, still=0, backwards=0, crashed=False):
     measures = np.zeros((1, 6))
     measures[0, WHEELS_ON] = wheels
     counters = rules.Counters(*(np.array([n]) for n in (steps, still, backwards)))
-    return STATUS[rules.status_of(measures, np.array([progress]), counters, 100)[0]]
+    crashes = np.array([crashed])
+    return STATUS[rules.status_of(measures, np.array([progress]), counters, 100, crashes)[0]]
 
 
 @pytest.mark.parametrize(
@@ -28,6 +29,8 @@ def judged(wheels=4, progress=50.0, steps=1, still=0, backwards=0):
         ({"wheels": 0}, "off_track"),
         ({"wheels": 0, "progress": 100.0, "steps": 100}, "off_track"),
         ({"progress": 100.0, "steps": 100}, "lap_complete"),
+        ({"crashed": True, "progress": 100.0}, "crashed"),
+        ({"crashed": True, "wheels": 0}, "off_track"),
         ({"still": 14}, "in_progress"),
         ({"still": 15, "steps": 100}, "immobilized"),
         ({"backwards": 14}, "in_progress"),

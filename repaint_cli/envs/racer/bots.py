@@ -23,6 +23,8 @@ WAIT = (3.0, 5.0)
 """A bot keeps its lane for a time drawn between these, s."""
 CHANGE_LENGTH = 1.0
 """Then it changes lanes over this distance, m."""
+START_ROOM = 1.0
+"""A car does not start in the lane of a bot that is nearer than this along the track, m."""
 PAUSE = 2.0
 """All bots of a car stand still this long after one was hit through no fault of the car, s."""
 _WAITS = 16  # drawn at the start of an episode, then used again from the first
@@ -69,6 +71,21 @@ class Bots:
             rows, seconds, *self._road, self.along, self._goals, self._changed, self._waits,
             self._waiting, self._turns, self._paused, self.poses,
         )  # fmt: skip
+
+    def room_for(self, rows: NDArray[np.int64], along: Floats) -> Floats:
+        """Return where these cars (K,) start at these arclengths (K,), (K, 2), m.
+
+        That is on the centre line, or with a bot within a metre in the lane it does not go to.
+        """
+        centre, distances, inner, outer = self._road
+        points = np.empty((len(rows), 2))
+        for k, row in enumerate(rows):
+            apart = np.abs(self.along[row] - along[k])
+            apart = np.minimum(apart, distances[-1] - apart)
+            nearest = apart.argmin()
+            side = -self._goals[row, nearest] if apart[nearest] < START_ROOM else 0.0
+            points[k] = lane_point(centre, distances, inner, outer, along[k], side)
+        return points
 
     def pause(self, rows: NDArray[np.int64]) -> None:
         """Have the bots of these cars (K,) stand still for a while."""

@@ -1,40 +1,42 @@
-"""N cars, each alone on its own copy of one track, behind Gymnasium's vector interface.
+"""N cars, each on its own copy of one track, behind Gymnasium's vector interface.
 
 Every number a car meets comes from its own seed and its own actions: the cars beside it, and the
 number of threads, change nothing.
 """
 
-from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
 from gymnasium.error import ResetNeeded
-from gymnasium.spaces import Box, Discrete
+from gymnasium.spaces import Dict, Discrete
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from repaint_cli.envs.racer.camera import HEIGHT, WALLS, WIDTH, render_rows, row_table
 from repaint_cli.envs.racer.car import ACTIONS, CAR_PROFILES, STEP_SECONDS
 from repaint_cli.envs.racer.fleet import Fleet, Rows
-from repaint_cli.envs.racer.ground import ground_of
-from repaint_cli.envs.racer.noise import Noise, disturb_command, disturb_image
+from repaint_cli.envs.racer.noise import Noise, disturb_command
 from repaint_cli.envs.racer.rules import IN_PROGRESS, TIME_UP
+from repaint_cli.envs.racer.sensors import SENSORS, Sensors, Sights
 from repaint_cli.envs.racer.track import Floats, Track
 
 START_PLACES = 20
 """Evenly spaced places on the lap, of which each episode draws its start."""
 
-Images = NDArray[np.uint8]
+CRASHES = ("at-fault", "any")
+"""Which crashes end an episode."""
+
 Flags = NDArray[np.bool_]
 Infos = dict[str, Any]
 
 
-class RacerVectorEnv(VectorEnv[Images, NDArray[np.int64], Any]):
+class RacerVectorEnv(VectorEnv[Any, NDArray[np.int64], Any]):
     """Drive a lap by camera: ten actions, 15 steps a second, one car an environment.
 
-    **Observation** Box(0, 255, (120, 160, 1), uint8): the grey picture of a camera on the car.
+    **Observation** Box(0, 255, (120, 160, 1), uint8): the grey picture of a camera on the car; with
+    two cameras a channel each, left and right; with a lidar Dict(camera, lidar), 64 ranges in m
+    over 300° behind the car.
 
     **Actions** Discrete(10): steering −30, −15, 0, 15, 30° at 0.5 m/s, then the same at 1.0 m/s.
 
@@ -43,13 +45,16 @@ class RacerVectorEnv(VectorEnv[Images, NDArray[np.int64], Any]):
     **Start** at rest on the centre line, at one of 20 places drawn by the environment's own
     generator, or where `reset(options={"lap_fraction": ...})` says.
 
-    **End** by leaving the track with all wheels, completing the lap, standing still or driving
-    backwards for 15 steps; truncated after `max_steps`.
+    **Bots** drive the same road in its lanes, placed anew in every episode.
+
+    **End** by leaving the track with all wheels, crashing into a bot, completing the lap, standing
+    still or driving backwards for 15 steps; truncated after `max_steps`.
 
     **Infos** arrays (N,) float64, the same keys at every step. Reward terms: `lane`, `keep`,
-    `dprog`, `fail`. State: `x`, `y` (front point, m), `heading` (rad), `speed` (true, m/s),
-    `steering` (true, rad), `progress` (%), `lap_time` (s) and `status`, an index into
-    `rules.STATUS`. Progress is that of the front point, so it begins a little above 0.
+    `dprog`, `fail`, and with bots `clear`, `hazard`, `camlane`. State: `x`, `y` (front point, m),
+    `heading` (rad), `speed` (true, m/s), `steering` (true, rad), `progress` (%), `lap_time` (s) and
+    `status`, an index into `rules.STATUS`. Progress is that of the front point, so it begins a
+    little above 0.
 
     **Autoreset** NEXT_STEP starts a new episode in the step after the last, ignoring that action.
     DISABLED parks the car: it keeps its state and last image, earns nothing and costs nothing.
@@ -61,6 +66,10 @@ class RacerVectorEnv(VectorEnv[Images, NDArray[np.int64], Any]):
         num_envs: int,
         *,
         car: str = "sim4",
+        sensors: str = "camera",
+        n_bots: int = 0,
+        crash: str = "at-fault",
+        range_min: float = 0.12,
         max_steps: int = 1500,
         noise: Noise | None = None,
         autoreset_mode: AutoresetMode = AutoresetMode.NEXT_STEP,
@@ -72,6 +81,10 @@ class RacerVectorEnv(VectorEnv[Images, NDArray[np.int64], Any]):
             track: where they drive.
             num_envs: N.
             car: a name in `CAR_PROFILES`.
+            sensors: one of `SENSORS`.
+            n_bots: other cars on each track.
+            crash: whether "any" crash ends an episode, or only one the car is "at-fault" in.
+            range_min: what the lidar reads of anything nearer, m.
             max_steps: time limit of an episode, steps of 1/15 s.
             noise: disturbances of actions and images, or None.
             autoreset_mode: NEXT_STEP or DISABLED.
@@ -80,32 +93,32 @@ class RacerVectorEnv(VectorEnv[Images, NDArray[np.int64], Any]):
         Raises:
             ValueError: an argument is out of range.
         """
-        _check_arguments(num_envs, car, max_steps, autoreset_mode, threads)
+        _check_numbers(num_envs=num_envs, max_steps=max_steps, threads=threads)
+        _check_names(car=(car, CAR_PROFILES), sensors=(sensors, SENSORS), crash=(crash, CRASHES))
+        if autoreset_mode not in (AutoresetMode.NEXT_STEP, AutoresetMode.DISABLED):
+            raise ValueError(f"expected autoreset NEXT_STEP or DISABLED, found {autoreset_mode}")
         self.metadata = {"autoreset_mode": autoreset_mode, "render_fps": round(1 / STEP_SECONDS)}
         self.num_envs = num_envs
-        self.single_observation_space = Box(0, 255, (HEIGHT, WIDTH, 1), np.uint8)
+        self._sensors = Sensors(track, sensors, range_min, noise, threads)
+        self.single_observation_space = self._sensors.space()
         self.single_action_space = Discrete(len(ACTIONS))
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.track = track
-        self._fleet = Fleet(track, num_envs, car, max_steps)
-        self._ground = ground_of(track)
-        self._row_table = row_table()
+        self._fleet = Fleet(track, num_envs, car, max_steps, n_bots, crash)
         self._noise = noise
         self._rngs = [np.random.default_rng() for _ in range(num_envs)]
         self._given_starts: Floats | None = None
         self._is_reset = False
         self._parks = autoreset_mode is AutoresetMode.DISABLED
-        self._parked_images = np.zeros((num_envs if self._parks else 0, HEIGHT, WIDTH, 1), np.uint8)
-        self._threads = threads
-        self._pool = ThreadPoolExecutor(threads) if threads > 1 else None
+        self._parked: Sights = {}  # what the parked cars saw last
 
     def reset(
         self,
         *,
         seed: int | Sequence[int | None] | None = None,
         options: dict[str, Any] | None = None,
-    ) -> tuple[Images, Infos]:
+    ) -> tuple[Any, Infos]:
         """Start an episode in every environment.
 
         Args:
@@ -122,17 +135,19 @@ class RacerVectorEnv(VectorEnv[Images, NDArray[np.int64], Any]):
         self._is_reset = True
         rows = np.arange(self.num_envs)
         self._start(rows)
-        return self._images(rows), self._infos(rows[:0], np.zeros(self.num_envs))
+        seen = self._sensors.look(rows, self._fleet, self._rngs)
+        self._parked = {name: part.copy() for name, part in seen.items() if self._parks}
+        return self._observation(seen), self._infos(rows[:0], np.zeros(self.num_envs))
 
-    def step(self, actions: NDArray[np.int64]) -> tuple[Images, Floats, Flags, Flags, Infos]:
+    def step(self, actions: NDArray[np.int64]) -> tuple[Any, Floats, Flags, Flags, Infos]:
         """Drive every car for 1/15 s.
 
         Args:
             actions: rows of `ACTIONS`, (N,); ignored for cars that are parked or due for a reset.
 
         Returns:
-            images (N, 120, 160, 1), rewards (N,), terminations (N,), truncations (N,), infos; all
-            of them new arrays.
+            observations (N, …), rewards (N,), terminations (N,), truncations (N,), infos; all of
+            them new arrays.
 
         Raises:
             ResetNeeded: there was no reset yet.
@@ -150,18 +165,18 @@ class RacerVectorEnv(VectorEnv[Images, NDArray[np.int64], Any]):
                 commands[row] = disturb_command(commands[row], self._noise, self._rngs[row])
         infos = self._infos(moving, self._fleet.drive(moving, commands))
         over = running & (self._fleet.status != IN_PROGRESS)
-        images = self._images(moving if self._parks else np.arange(self.num_envs))
-        if self._parks:
-            images[ended] = self._parked_images[ended]
-            self._parked_images[over] = images[over]
+        looking = moving if self._parks else np.arange(self.num_envs)
+        seen = self._sensors.look(looking, self._fleet, self._rngs)
+        for name, parked in self._parked.items():
+            seen[name][ended] = parked[ended]
+            parked[over] = seen[name][over]
         truncations = over & (self._fleet.status == TIME_UP)
-        return images, infos["dprog"].copy(), over & ~truncations, truncations, infos
+        terminations = over & ~truncations
+        return self._observation(seen), infos["dprog"].copy(), terminations, truncations, infos
 
     def close_extras(self, **kwargs: Any) -> None:
         """Let the threads go."""
-        if self._pool is not None:
-            self._pool.shutdown()
-            self._pool = None
+        self._sensors.close()
 
     def _seed(self, seed: int | Sequence[int | None] | None) -> None:
         """Renew the generators that are given a seed."""
@@ -179,44 +194,30 @@ class RacerVectorEnv(VectorEnv[Images, NDArray[np.int64], Any]):
     def _start(self, rows: Rows) -> None:
         """Begin new episodes of these cars (K,)."""
         if self._given_starts is not None:
-            self._fleet.start(rows, self._given_starts[rows])
+            places = self._given_starts[rows]
         else:
-            places = [self._rngs[row].integers(START_PLACES) for row in rows]
-            self._fleet.start(rows, np.array(places, dtype=np.float64) / START_PLACES)
+            drawn = [self._rngs[row].integers(START_PLACES) for row in rows]
+            places = np.array(drawn, dtype=np.float64) / START_PLACES
+        self._fleet.start(rows, places, [self._rngs[row] for row in rows])
 
     def _infos(self, moving: Rows, gained: Floats) -> Infos:
         return self._fleet.terms(moving, gained) | self._fleet.report()
 
-    def _images(self, rows: Rows) -> Images:
-        """Draw what these cars (K,) see in a new array (N, 120, 160, 1), the rest left unfilled."""
-        images = np.empty((self.num_envs, HEIGHT, WIDTH, 1), np.uint8)
-        if self._pool is None:
-            self._draw(rows, images)
-        else:
-            parts = np.array_split(rows, self._threads)
-            list(self._pool.map(self._draw, parts, [images] * len(parts)))
-        return images
-
-    def _draw(self, rows: Rows, images: Images) -> None:
-        ground = self._ground
-        picture = (ground.levels, ground.origin, ground.field, WALLS)
-        render_rows(rows, self._fleet.states, 0.0, self._row_table, *picture, images, 0)
-        if self._noise is not None:
-            for row in rows:
-                image = images[row, :, :, 0]
-                image[:] = disturb_image(image, self._noise, self._rngs[row])
+    def _observation(self, seen: Sights) -> Any:
+        """Return what was seen as the observation space has it."""
+        return {**seen} if isinstance(self.single_observation_space, Dict) else seen["camera"]
 
 
-def _check_arguments(
-    num_envs: int, car: str, max_steps: int, autoreset_mode: AutoresetMode, threads: int
-) -> None:
-    for name, value in (("num_envs", num_envs), ("max_steps", max_steps), ("threads", threads)):
+def _check_numbers(**numbers: int) -> None:
+    for name, value in numbers.items():
         if value < 1:
             raise ValueError(f"expected {name} of at least 1, found {value}")
-    if car not in CAR_PROFILES:
-        raise ValueError(f"unknown car '{car}'; choose one of {', '.join(CAR_PROFILES)}")
-    if autoreset_mode not in (AutoresetMode.NEXT_STEP, AutoresetMode.DISABLED):
-        raise ValueError(f"expected autoreset NEXT_STEP or DISABLED, found {autoreset_mode}")
+
+
+def _check_names(**names: tuple[str, Iterable[str]]) -> None:
+    for what, (name, known) in names.items():
+        if name not in known:
+            raise ValueError(f"unknown {what} '{name}'; choose one of {', '.join(known)}")
 
 
 def _checked_actions(actions: NDArray[np.int64], n: int) -> NDArray[np.int64]:

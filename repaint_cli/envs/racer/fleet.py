@@ -1,14 +1,17 @@
-"""N cars on one track, each alone: where they are, how they drive, how they do. SI units.
+"""N cars on one track, each alone with its bots: where they are, how they drive, how they do. SI.
 
-Knows nothing of cameras, seeds, noise or Gymnasium. Methods take row numbers (K,), so that cars
+Knows nothing of pictures, noise or Gymnasium. Methods take row numbers (K,), so that cars
 that are parked cost nothing.
 """
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from repaint_cli.envs.racer.bots import SIDE, Bots
+from repaint_cli.envs.racer.camera import lens
 from repaint_cli.envs.racer.car import (
     BODY,
     CAR_PROFILES,
@@ -18,6 +21,7 @@ from repaint_cli.envs.racer.car import (
     YAW,
     drive_rows,
 )
+from repaint_cli.envs.racer.encounters import AT_FAULT, HIT, NEXT, meet
 from repaint_cli.envs.racer.geometry import NDIST, measure
 from repaint_cli.envs.racer.rules import (
     IN_PROGRESS,
@@ -25,6 +29,7 @@ from repaint_cli.envs.racer.rules import (
     progress_since,
     reward_terms,
     status_of,
+    traffic_terms,
 )
 from repaint_cli.envs.racer.track import Floats, Track
 
@@ -34,9 +39,21 @@ Rows = NDArray[np.int64]
 class Fleet:
     """The states of N cars; the attributes are (N, …) arrays that the methods change in place."""
 
-    def __init__(self, track: Track, n: int, car: str, max_steps: int) -> None:
-        """Make N cars with the dynamics of a profile; `start` puts them on the road."""
+    def __init__(
+        self, track: Track, n: int, car: str, max_steps: int, n_bots: int = 0, crash: str = "any"
+    ) -> None:
+        """Make N cars with a profile's dynamics, and their bots; `start` puts them on the road.
+
+        Args:
+            track: where they drive.
+            n: N.
+            car: a name in `CAR_PROFILES`.
+            max_steps: time limit of an episode, steps.
+            n_bots: B, bots per car.
+            crash: whether "any" crash ends an episode, or only one that the car is "at-fault" in.
+        """
         self.track = track
+        self.bots = Bots(track, n, n_bots) if n_bots else None
         self.states = np.zeros((n, 5))
         """X, Y, YAW, SPEED, STEERING."""
         self.status = np.full(n, IN_PROGRESS)
@@ -49,11 +66,23 @@ class Fleet:
         self._starts = np.zeros(n)  # lap fractions
         self._progress = np.zeros(n)  # percent
         self._counters = Counters.zeros(n)
+        self._encounters = np.zeros((n, 6))
+        self._lens = lens()
+        self._any_crash = crash == "any"
 
-    def start(self, rows: Rows, lap_fractions: Floats) -> None:
-        """Put these cars (K,) at rest on the centre line at these places (K,), heading along it."""
+    def start(
+        self, rows: Rows, lap_fractions: Floats, rngs: Sequence[np.random.Generator] = ()
+    ) -> None:
+        """Put these cars (K,) at rest on the centre line at these places (K,), heading along it.
+
+        Their own generators (K,) place the bots. Where one of them is within a metre, the car
+        starts in the lane that the bot is not in.
+        """
         self._starts[rows] = lap_fractions
         points, headings = self.track.pose_at(lap_fractions)
+        if self.bots:
+            self.bots.start(rows, rngs)
+            points = self.bots.room_for(rows, lap_fractions * self.track.length)
         self.states[rows] = 0.0
         self.states[rows, :2] = points
         self.states[rows, YAW] = headings
@@ -61,6 +90,7 @@ class Fleet:
         self._counters.clear(rows)
         self.status[rows] = IN_PROGRESS
         self._measure(rows, np.zeros(len(rows)))
+        self._meet(rows)
 
     def drive(self, rows: Rows, commands: Floats) -> Floats:
         """Advance these cars (K,) by one step and judge them.
@@ -80,7 +110,10 @@ class Fleet:
         gained[rows] = self._progress[rows] - before
         moved = np.hypot(*(self.states[rows, :2] - places).T)
         self._counters.count(rows, moved, gained[rows])
-        status = status_of(self._measures, self._progress, self._counters, self._max_steps)
+        if self.bots:
+            self.bots.drive(rows, STEP_SECONDS)
+        crashed = self._meet(rows)
+        status = status_of(self._measures, self._progress, self._counters, self._max_steps, crashed)
         self.status[rows] = status[rows]
         return gained
 
@@ -94,6 +127,10 @@ class Fleet:
         drove = np.zeros(len(self.states))
         drove[rows] = 1.0
         terms = reward_terms(self._measures, gained, self.status)
+        if self.bots:
+            after = self._encounters[:, NEXT].astype(np.int64)
+            sides = self.bots.poses[np.arange(len(after)), after, SIDE]
+            terms |= traffic_terms(self._encounters, sides, terms["lane"])
         return {name: term * drove for name, term in terms.items()}
 
     def report(self) -> dict[str, Any]:
@@ -108,6 +145,23 @@ class Fleet:
             "lap_time": self._counters.steps * STEP_SECONDS,
             "status": self.status.astype(np.float64),
         }
+
+    def _meet(self, rows: Rows) -> NDArray[np.bool_]:
+        """Find out how these cars (K,) stand to their bots; return who crashed, (N,).
+
+        Where a crash is not the car's fault and ends nothing, its bots pause.
+        """
+        if self.bots is None:
+            return np.zeros(len(self.states), np.bool_)
+        along = self._measures[:, NDIST] * self.track.length
+        meet(
+            rows, self.states, along, self.track.length, self.bots.poses, self.bots.along,
+            self._lens, self._encounters,
+        )  # fmt: skip
+        hit = self._encounters[:, HIT] > 0
+        crashed = hit & (self._any_crash | (self._encounters[:, AT_FAULT] > 0))
+        self.bots.pause(rows[(hit & ~crashed)[rows]])
+        return crashed
 
     def _measure(self, rows: Rows, progress_before: Floats) -> None:
         """Find out where these cars (K,) stand on the track now."""

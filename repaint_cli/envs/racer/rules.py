@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from repaint_cli.envs.racer.encounters import CLEAR, DISTANCE, HAZARDS, NEXT_SEEN
 from repaint_cli.envs.racer.geometry import (
     CENTRE_GAP,
     INNER_GAP,
@@ -16,9 +17,11 @@ from repaint_cli.envs.racer.geometry import (
     WHEELS_ON,
 )
 
-STATUS = ("in_progress", "lap_complete", "off_track", "immobilized", "reversed", "time_up")
+STATUS = (
+    "in_progress", "lap_complete", "off_track", "immobilized", "reversed", "time_up", "crashed",
+)  # fmt: skip
 """What `status` in the infos counts off."""
-IN_PROGRESS, LAP_COMPLETE, OFF_TRACK, IMMOBILIZED, REVERSED, TIME_UP = range(len(STATUS))
+IN_PROGRESS, LAP_COMPLETE, OFF_TRACK, IMMOBILIZED, REVERSED, TIME_UP, CRASHED = range(len(STATUS))
 
 PATIENCE = 15
 """Steps in a row without movement, or with falling progress, that end an episode."""
@@ -78,7 +81,11 @@ class Counters:
 
 
 def status_of(
-    measures: Floats, progress: Floats, counters: Counters, max_steps: int
+    measures: Floats,
+    progress: Floats,
+    counters: Counters,
+    max_steps: int,
+    crashed: NDArray[np.bool_],
 ) -> NDArray[np.int64]:
     """Return each car's status, (N,): leaving the track outranks the rest, the time limit is last.
 
@@ -87,16 +94,18 @@ def status_of(
         progress: percent, (N,).
         counters: of the same cars.
         max_steps: the time limit, steps.
+        crashed: whether it hit a bot and that ends the episode, (N,).
     """
     return np.select(
         [
             measures[:, WHEELS_ON] == 0,
+            crashed,
             progress >= 100,
             counters.still >= PATIENCE,
             counters.backwards >= PATIENCE,
             counters.steps >= max_steps,
         ],
-        [OFF_TRACK, LAP_COMPLETE, IMMOBILIZED, REVERSED, TIME_UP],
+        [OFF_TRACK, CRASHED, LAP_COMPLETE, IMMOBILIZED, REVERSED, TIME_UP],
         IN_PROGRESS,
     )
 
@@ -106,7 +115,8 @@ def reward_terms(measures: Floats, gained: Floats, status: NDArray[np.int64]) ->
 
     lane is +1 with the front point nearer the inner border, −1 nearer the outer, 0 with no wheel on
     the road. keep is 1 with all wheels on the road and the front point at least 0.05 m inside its
-    edge. dprog is the progress gained, in laps. fail is 1 on the step that leaves the track.
+    edge. dprog is the progress gained, in laps. fail is 1 on the step that leaves the track or
+    crashes.
 
     Args:
         measures: `geometry.locate`'s answers, (N, 6).
@@ -120,5 +130,25 @@ def reward_terms(measures: Floats, gained: Floats, status: NDArray[np.int64]) ->
         "lane": np.where(wheels_on > 0, side, 0.0),
         "keep": ((wheels_on == 4) & (room >= KEEP_MARGIN)).astype(np.float64),
         "dprog": gained / 100,
-        "fail": (status == OFF_TRACK).astype(np.float64),
+        "fail": ((status == OFF_TRACK) | (status == CRASHED)).astype(np.float64),
+    }
+
+
+def traffic_terms(encounters: Floats, next_sides: Floats, lane: Floats) -> dict[str, Floats]:
+    """Return the reward terms φ of a step that bots are part of, each (N,).
+
+    clear is 1 with every bot more than 0.8 m away, middle to middle. hazard is 1 with one nearer
+    than 0.5 m and less than 30° off the bow. camlane is 1 with the next bot in the picture and in
+    the car's own lane.
+
+    Args:
+        encounters: `encounters.meet`'s answers, (N, 6).
+        next_sides: the side of each car's next bot, (N,).
+        lane: the term of that name, (N,).
+    """
+    own_lane = (encounters[:, NEXT_SEEN] > 0) & (next_sides * lane > 0)
+    return {
+        "clear": (encounters[:, DISTANCE] > CLEAR).astype(np.float64),
+        "hazard": (encounters[:, HAZARDS] > 0).astype(np.float64),
+        "camlane": own_lane.astype(np.float64),
     }
