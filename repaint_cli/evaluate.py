@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from repaint_cli.learn.frames import parts
 from repaint_cli.learn.rollout import Policy, Rollout, clip, collect, start
 from repaint_cli.learn.seeding import Purpose, env_seeds, generator
 from repaint_cli.nets import ActorCritic, Spaces
@@ -157,5 +158,5 @@ def _images(rollout: Rollout) -> list[list[np.ndarray]]:
         rows = [
             rollout.index[:-1, s, e][rollout.valid[:, s, e]] for e in range(rollout.valid.shape[2])
         ]
-        seen.append([store.numpy()[row, ..., 0] for row in rows])
+        seen.append([parts(store)[0].numpy()[row, ..., 0] for row in rows])
     return seen

@@ -8,11 +8,11 @@ the optimiser's step.
 
 import warnings
 from collections.abc import Generator, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import reduce
 from math import prod, sqrt
 from operator import add
-from typing import Literal
+from typing import Any, Literal
 
 import gymnasium
 import numpy as np
@@ -26,6 +26,9 @@ from repaint_cli.errors import CardError
 from repaint_cli.normalizer import Normalizer
 
 Tower = Literal["policy", "value"]
+
+LIDAR = (256, 256)
+"""Widths of the ReLU layers that read a lidar, beside the convolutions."""
 
 # The gradients are views into one buffer on purpose: one fill zeroes them, one row is a seed's.
 warnings.filterwarnings("ignore", message="grad and param do not obey the gradient layout contract")
@@ -41,6 +44,8 @@ class Spaces:
     """A: dimensions of a continuous action, or how many discrete ones."""
     discrete: bool
     """Whether actions are numbers 0…A−1."""
+    n_beams: int = 0
+    """Ranges of a lidar that come with an image; 0 without one."""
 
     @classmethod
     def of(cls, obs: gymnasium.Space, action: gymnasium.Space) -> "Spaces":  # type: ignore[type-arg]
@@ -49,6 +54,9 @@ class Spaces:
         Raises:
             CardError: they are not a box of numbers and a box or discrete action.
         """
+        if isinstance(obs, gymnasium.spaces.Dict) and obs.keys() == {"camera", "lidar"}:
+            seen, n_beams = cls.of(obs["camera"], action), cls.of(obs["lidar"], action).obs_shape[0]
+            return replace(seen, n_beams=n_beams)
         shape = obs.shape
         if isinstance(obs, gymnasium.spaces.Box) and shape is not None and len(shape) in (1, 3):
             if isinstance(action, gymnasium.spaces.Discrete) and action.start == 0:
@@ -67,6 +75,7 @@ class Spaces:
 
     def __str__(self) -> str:
         size = "×".join(str(n) for n in self.obs_shape)
+        size += f" + {self.n_beams}" if self.n_beams else ""
         kind = "discrete" if self.discrete else "continuous"
         return f"{size} observations and {self.n_actions} {kind} actions"
 
@@ -119,11 +128,12 @@ class ActorCritic:
                     drawn = torch.from_numpy(_orthogonal(rng, leaf.shape, leaf.gain))
                     self.weights[leaf.name].data[s] = drawn
 
-    def policy(self, obs: Tensor, counts: Sequence[int] | None = None) -> Distribution:
+    def policy(self, obs: Any, counts: Sequence[int] | None = None) -> Distribution:
         """Return π(·|s) for raw observations (S, B, *O).
 
         Args:
-            obs: observations; each seed's first `counts[s]` are real, the rest is padding.
+            obs: observations, or {"camera": …, "lidar": …}; each seed's first `counts[s]` are real,
+                the rest is padding.
             counts: how many are real, (S,); all where absent. Images beyond are not looked at.
         """
         out = self._forward("policy", obs, counts)
@@ -131,11 +141,11 @@ class ActorCritic:
             return Categorical.from_logits(out)
         return Gaussian(out, self.weights["policy.log_std"].unsqueeze(1))
 
-    def value(self, obs: Tensor, counts: Sequence[int] | None = None) -> Tensor:
+    def value(self, obs: Any, counts: Sequence[int] | None = None) -> Tensor:
         """Return V(s), (S, B), for raw observations (S, B, *O); see `policy`."""
         return self._forward("value", obs, counts).squeeze(-1)
 
-    def _forward(self, tower: Tower, obs: Tensor, counts: Sequence[int] | None) -> Tensor:
+    def _forward(self, tower: Tower, obs: Any, counts: Sequence[int] | None) -> Tensor:
         if self.normalizer is None:
             return self._convolve(tower, obs, counts)
         x = self.normalizer.normalize(obs)
@@ -147,15 +157,18 @@ class ActorCritic:
         weight, bias = self.weights[f"{name}.weight"], self.weights[f"{name}.bias"]
         return torch.baddbmm(bias.unsqueeze(1), x, weight)
 
-    def _convolve(self, tower: Tower, obs: Tensor, counts: Sequence[int] | None) -> Tensor:
+    def _convolve(self, tower: Tower, obs: Any, counts: Sequence[int] | None) -> Tensor:
         """Run the camera network seed by seed: grouped convolutions measured slower."""
-        outs = []
+        images, ranges = (obs["camera"], obs["lidar"]) if self.spaces.n_beams else (obs, None)
+        outs, most = [], images.shape[1]
         for s in range(self.n_seeds):
-            out = self._camera(tower, s, obs[s] if counts is None else obs[s, : counts[s]])
-            outs.append(F.pad(out, (0, 0, 0, obs.shape[1] - len(out))))
+            n = most if counts is None else counts[s]
+            beside = None if ranges is None else ranges[s, :n]
+            out = self._see(tower, s, images[s, :n], beside)
+            outs.append(F.pad(out, (0, 0, 0, most - len(out))))
         return torch.stack(outs)  # (S, B, heads)
 
-    def _camera(self, tower: Tower, s: int, images: Tensor) -> Tensor:
+    def _see(self, tower: Tower, s: int, images: Tensor, ranges: Tensor | None) -> Tensor:
         eyes = "policy" if self.net.shared else tower
         x = brightness(images, self.net.pool)
         for layer, (_, _, stride) in enumerate(self.net.conv):
@@ -164,7 +177,13 @@ class ActorCritic:
                 x, self.weights[f"{name}.weight"][s], self.weights[f"{name}.bias"][s], stride
             )
             x = torch.relu(x)
-        x = torch.relu(self._dense_of(s, x.flatten(1), f"{tower}.dense"))
+        x = x.flatten(1)
+        if ranges is not None:
+            near = 1 - ranges  # nothing within a metre is 0
+            for layer in range(len(LIDAR)):
+                near = torch.relu(self._dense_of(s, near, f"{eyes}.lidar{layer}"))
+            x = torch.cat([x, near], 1)
+        x = torch.relu(self._dense_of(s, x, f"{tower}.dense"))
         return self._dense_of(s, x, f"{tower}.head")
 
     def _dense_of(self, s: int, x: Tensor, name: str) -> Tensor:
@@ -216,7 +235,15 @@ def _eyes(tower: str, spaces: Spaces, net: NetConfig) -> Generator[Leaf, None, i
             raise CardError(
                 f"net.conv layer {layer} needs a larger image: {spaces} at net.pool {net.pool}"
             )
-    return channels * height * width
+    size = channels * height * width
+    if not spaces.n_beams:
+        return size
+    n_in = spaces.n_beams
+    for layer, width in enumerate(LIDAR):
+        if tower == "policy" or not net.shared:
+            yield from _layer(f"{tower}.lidar{layer}", n_in, width, sqrt(2))
+        n_in = width
+    return size + n_in
 
 
 def _layer(name: str, n_in: int, n_out: int, gain: float) -> Iterator[Leaf]:

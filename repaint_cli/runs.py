@@ -169,6 +169,7 @@ class Experiment:
             obs_shape=spaces.obs_shape,
             n_actions=spaces.n_actions,
             discrete=spaces.discrete,
+            n_beams=spaces.n_beams,
             method=self.plan.method,
             seed=self.plan.seeds[s],
             iteration=self.learner.iteration,

@@ -52,6 +52,8 @@ class TeacherCard(Settings):
     """A."""
     discrete: bool
     """Whether actions are numbers."""
+    n_beams: int = 0
+    """Ranges of a lidar beside an image."""
     method: str
     """How it was trained."""
     seed: int
@@ -74,7 +76,7 @@ class TeacherCard(Settings):
         """What the policy reads and writes."""
         from repaint_cli.nets import Spaces
 
-        return Spaces(self.obs_shape, self.n_actions, self.discrete)
+        return Spaces(self.obs_shape, self.n_actions, self.discrete, self.n_beams)
 
 
 def teachers() -> dict[str, Path]:

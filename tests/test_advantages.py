@@ -9,7 +9,8 @@ from torch.testing import assert_close
 from repaint_cli.config import NetConfig
 from repaint_cli.learn import advantages as module
 from repaint_cli.learn.advantages import Samples, describe, gae, to_samples
-from repaint_cli.learn.rollout import Frames, Rollout
+from repaint_cli.learn.frames import Frames
+from repaint_cli.learn.rollout import Rollout
 from repaint_cli.nets import ActorCritic, Spaces
 
 seeds = st.integers(0, 2**32 - 1)

@@ -9,7 +9,8 @@ from torch.testing import assert_close
 
 from repaint_cli.distributions import Categorical, Gaussian
 from repaint_cli.errors import DivergedError
-from repaint_cli.learn.rollout import Frames, collect, start
+from repaint_cli.learn.frames import Frames
+from repaint_cli.learn.rollout import collect, start
 from repaint_cli.learn.seeding import Purpose
 
 NAN = float("nan")

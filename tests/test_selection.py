@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from torch.testing import assert_close
 
 from repaint_cli.learn.advantages import Samples
-from repaint_cli.learn.rollout import Frames
+from repaint_cli.learn.frames import Frames
 from repaint_cli.learn.selection import above_threshold, moments, rescale, standardize
 
 NAN = float("nan")

@@ -13,8 +13,8 @@ from repaint_cli.distributions import Gaussian
 from repaint_cli.errors import DivergedError
 from repaint_cli.learn import update
 from repaint_cli.learn.advantages import Samples
+from repaint_cli.learn.frames import Frames
 from repaint_cli.learn.optimizer import RowAdam
-from repaint_cli.learn.rollout import Frames
 from repaint_cli.learn.update import (
     Means,
     instance_loss,

@@ -9,12 +9,13 @@ import torch
 from torch import Tensor
 
 from repaint_cli.distributions import Categorical, Distribution, Gaussian
-from repaint_cli.learn.rollout import Frames, Policy, Rollout
+from repaint_cli.learn.frames import Frames
+from repaint_cli.learn.rollout import Policy, Rollout
 
 CHUNK = 512
 """Images a network looks at in one go; bounds the memory of a pass over a whole rollout."""
 
-Value = Callable[[Tensor, Sequence[int]], Tensor]
+Value = Callable[[Any, Sequence[int]], Tensor]
 """Maps observations (S, B, *O), of which the first counts[s] are real, to V, (S, B)."""
 
 
@@ -130,7 +131,7 @@ def to_samples(rollout: Rollout, value: Value, gamma: float, gae_lambda: float) 
 
 def _values(rollout: Rollout, value: Value) -> np.ndarray:
     """Return V of every stored observation where it stands in the rollout, (T+1, S, N) float64."""
-    sizes = torch.tensor([len(store) for store in rollout.frames.stores])
+    sizes = rollout.frames.sizes
     rows = torch.minimum(torch.arange(int(sizes.max())).repeat(len(sizes), 1), sizes[:, None] - 1)
     known: np.ndarray = torch.cat(list(_passes(value, rollout.frames, rows, sizes)), 1).numpy()
     placed = [known[s][rollout.index[:, s]] for s in range(len(sizes))]
@@ -147,10 +148,10 @@ def describe(policy: Policy, samples: Samples) -> Distribution:
 
 
 def _passes(
-    network: Callable[[Tensor, Sequence[int]], Any], frames: Frames, rows: Tensor, counts: Tensor
+    network: Callable[[Any, Sequence[int]], Any], frames: Frames, rows: Tensor, counts: Tensor
 ) -> Iterator[Any]:
     """Let a network look at observations (S, B) a chunk at a time, without gradients."""
-    chunk = rows.shape[1] if frames.stores[0].ndim == 2 else CHUNK
+    chunk = rows.shape[1] if frames.small else CHUNK
     for start in range(0, rows.shape[1], chunk):
         part = rows[:, start : start + chunk]
         real = (counts - start).clamp(0, part.shape[1]).tolist()

@@ -12,30 +12,12 @@ from torch import Tensor
 from repaint_cli.distributions import Distribution
 from repaint_cli.envs.terms import RewardTerms
 from repaint_cli.errors import DivergedError
+from repaint_cli.learn.frames import Frames, each, joined, parts
 from repaint_cli.learn.seeding import Purpose, env_seeds
 from repaint_cli.tasks import TaskCard
 
-Policy = Callable[[Tensor, Sequence[int]], Distribution]
+Policy = Callable[[Any, Sequence[int]], Distribution]
 """Maps observations (S, B, *O), the first counts[s] of them real, to distributions."""
-
-
-class Frames:
-    """The observations of a rollout, each stored once; images stay uint8, seed by seed."""
-
-    def __init__(self, stores: list[Tensor]) -> None:
-        """Keep S stores (M_s, *O); vectors are stacked, as they are small and read often."""
-        self.stores = stores
-        longest = max(len(store) for store in stores)
-        self._stacked = None
-        if stores[0].ndim == 2:
-            self._stacked = torch.stack([_pad(store, longest) for store in stores])
-            self._seeds = torch.arange(len(stores)).unsqueeze(1)
-
-    def take(self, rows: Tensor) -> Tensor:
-        """Return the observations at rows (S, B) of each seed's store, (S, B, *O)."""
-        if self._stacked is not None:
-            return self._stacked[self._seeds, rows]
-        return torch.stack([store[r] for store, r in zip(self.stores, rows, strict=True)])
 
 
 @dataclass(frozen=True)
@@ -86,7 +68,7 @@ def start(
     *,
     one_episode: bool = False,
     noise: bool = False,
-) -> tuple[RewardTerms, np.ndarray]:
+) -> tuple[RewardTerms, Any]:
     """Make and reset S × N environments with seeds of their own; return the first observations.
 
     Evaluation starts are spread over the task's starts; training starts go on where the last
@@ -101,7 +83,7 @@ def start(
 
 def collect(
     env: RewardTerms,
-    obs: np.ndarray,
+    obs: Any,
     policy: Policy,
     rngs: Sequence[np.random.Generator],
     *,
@@ -113,7 +95,7 @@ def collect(
 
     Args:
         env: S · N environments, seed by seed, already reset.
-        obs: their first observations, (S · N, *O).
+        obs: their first observations, (S · N, *O), or several such arrays by name.
         policy: who acts.
         rngs: one generator per seed for the actions.
         n_steps: valid steps per seed; where absent, every environment plays exactly one episode.
@@ -132,8 +114,9 @@ def collect(
         valid = running & ~resetting
         if n_steps is not None:  # no more than the seed still needs
             valid &= valid.cumsum(1) + taken[:, None] <= n_steps
-        obs = obs.reshape(*shape, *obs.shape[1:])
-        _check_finite(obs, valid | acted, "an observation", len(tape.valid))
+        obs = each(lambda part: part.reshape(*shape, *part.shape[1:]), obs)
+        for part in parts(obs):
+            _check_finite(part, valid | acted, "an observation", len(tape.valid))
         tape.observe(obs, valid | acted)
         enough = not running.any() if n_steps is None else bool((taken >= n_steps).all())
         if enough:
@@ -155,23 +138,28 @@ def collect(
 
 
 def _act(
-    policy: Policy, obs: np.ndarray, valid: np.ndarray, noise: "_Noise", greedy: bool
+    policy: Policy, obs: Any, valid: np.ndarray, noise: "_Noise", greedy: bool
 ) -> tuple[np.ndarray, np.ndarray]:
     """Choose actions, looking only at images that count; return them with log μ(a|s), (S, N)."""
     seats: Any = slice(None)
-    counts = [obs.shape[1]] * len(obs)
-    if obs.ndim > 3:  # bring the images that count to the front of each seed's row
+    counts = [valid.shape[1]] * len(valid)
+    if any(part.ndim > 3 for part in parts(obs)):  # bring those that count to each row's front
         order = np.argsort(~valid, axis=1, kind="stable")  # (S, N)
         counts = valid.sum(1).tolist()
-        seats = (np.arange(len(obs))[:, None], order[:, : max(counts)])
-    seen = torch.from_numpy(np.ascontiguousarray(obs[seats]))
-    distribution = policy(seen if obs.ndim > 3 else seen.float(), counts)
+        seats = (np.arange(len(valid))[:, None], order[:, : max(counts)])
+    distribution = policy(each(_tensor, obs, seats), counts)
     chosen = distribution.mode() if greedy else distribution.sample(noise.draw(distribution, seats))
     log_probs = distribution.log_prob(chosen)
     actions = np.zeros((*valid.shape, *chosen.shape[2:]), chosen.numpy().dtype)
     full_log_probs = np.zeros(valid.shape, np.float32)
     actions[seats], full_log_probs[seats] = chosen.numpy(), log_probs.numpy()
     return actions, full_log_probs
+
+
+def _tensor(array: np.ndarray, seats: Any) -> Tensor:
+    """Return some observations of an array as the networks read them."""
+    tensor = torch.from_numpy(np.ascontiguousarray(array[seats]))
+    return tensor if tensor.dtype == torch.uint8 else tensor.float()
 
 
 def clip(actions: np.ndarray, env: RewardTerms) -> np.ndarray:
@@ -190,10 +178,6 @@ def _check_finite(numbers: np.ndarray, mask: np.ndarray, what: str, t: int) -> N
             f"in environment {n} at step {t} of the rollout",
             row=int(s),
         )
-
-
-def _pad(store: Tensor, length: int) -> Tensor:
-    return torch.cat([store, store.new_zeros(length - len(store), *store.shape[1:])])
 
 
 class _Noise:
@@ -217,7 +201,7 @@ class _Tape:
 
     def __init__(self, shape: tuple[int, int], record: Sequence[str]) -> None:
         self.shape = shape
-        self.images: list[list[np.ndarray]] = [[] for _ in range(shape[0])]
+        self.seen: list[list[Any]] = [[] for _ in range(shape[0])]
         self.sizes = np.zeros(shape[0], int)
         self.index: list[np.ndarray] = []
         self.valid: list[np.ndarray] = []
@@ -225,12 +209,12 @@ class _Tape:
         self.terms: list[np.ndarray] = []
         self.records: dict[str, list[np.ndarray]] = {name: [] for name in record}
 
-    def observe(self, obs: np.ndarray, keep: np.ndarray) -> None:
+    def observe(self, obs: Any, keep: np.ndarray) -> None:
         """Store the observations (S, N, *O) where keep (S, N), and where they went."""
         self.index.append(np.where(keep, self.sizes[:, None] + keep.cumsum(1) - 1, 0))
         self.sizes += keep.sum(1)
-        for store, seen, mask in zip(self.images, obs, keep, strict=True):
-            store.append(seen[mask] if seen.dtype == np.uint8 else seen[mask].astype(np.float32))
+        for s, mask in enumerate(keep):
+            self.seen[s].append(each(_tensor, obs, (s, mask)))
 
     def act(self, valid: np.ndarray, *step: Any) -> None:
         """Store a step and its info."""
@@ -245,8 +229,8 @@ class _Tape:
         """Stack what was stored, without keeping a second copy of the images."""
         stores = []
         for s in range(self.shape[0]):
-            stores.append(torch.from_numpy(np.concatenate(self.images[s])))
-            self.images[s].clear()
+            stores.append(joined(self.seen[s]))
+            self.seen[s].clear()
         actions, log_probs, rewards, terminated, truncated = map(
             np.stack, zip(*self.steps, strict=True)
         )
