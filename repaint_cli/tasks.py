@@ -38,7 +38,7 @@ class GymEnv(Settings):
 
 
 class RacerEnv(Settings):
-    """Our racing simulator: one car with a camera on a closed track."""
+    """Our racing simulator: a car with a camera on a closed track, alone or among bots."""
 
     simulator: Literal["racer"]
     """Which simulator this is."""
@@ -46,6 +46,14 @@ class RacerEnv(Settings):
     """A shipped track, by name."""
     car: Literal["sim4", "sim5", "ideal"] = "sim4"
     """The car's dynamics: two fits to real logs, or a bicycle without lag."""
+    sensors: Literal["camera", "stereo", "stereo+lidar"] = "camera"
+    """What the car sees with: one camera, two 6 cm apart, or these and a lidar looking back."""
+    n_bots: int = Field(0, ge=0, le=16)
+    """Other cars on the road, which keep a lane at 0.2 m/s and change it every few seconds."""
+    crash: Literal["at-fault", "any"] = "at-fault"
+    """Which crashes end an episode: those with a bot ahead, as DeepRacer's do, or any."""
+    range_min: float = Field(0.12, ge=0, lt=1)
+    """What the lidar reads of anything nearer, m."""
     max_steps: int = Field(1500, gt=0)
     """Time limit of an episode, in steps of 1/15 s."""
 
@@ -192,6 +200,10 @@ def _make_env(env: GymEnv | RacerEnv, n_envs: int, one_episode: bool, noise: boo
         load_track(env.track),
         n_envs,
         car=env.car,
+        sensors=env.sensors,
+        n_bots=env.n_bots,
+        crash=env.crash,
+        range_min=env.range_min,
         max_steps=env.max_steps,
         noise=Noise() if noise else None,
         autoreset_mode=mode,
