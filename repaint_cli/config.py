@@ -124,6 +124,18 @@ class EvalConfig(Settings):
     """Episodes per seed and evaluation."""
     noise: Literal["none", "paper"] = "none"
     """Small noise on observations and actions (racer only; paper, appendix B.1)."""
+    both_directions: bool = False
+    """Whether every other episode drives the track the other way (racer only)."""
+    action_noise: float = Field(0.1, ge=0, le=1)
+    """Steering and speed are each multiplied by 1 + U(−a, a), where there is noise."""
+    brightness_noise: float = Field(0.1, ge=0, le=1)
+    """An image is multiplied by 1 + U(−b, b)."""
+    pixel_noise: float = Field(2.0, ge=0, le=99)
+    """Standard deviation added to each pixel, grey levels."""
+    salt_pepper: float = Field(0.001, ge=0, le=1)
+    """Fraction of pixels that turn black or white."""
+    shift: int = Field(1, ge=0, le=99)
+    """An image moves by up to so many pixels along each axis."""
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from repaint_cli.learn.seeding import Purpose, env_seeds, generator
 from repaint_cli.nets import ActorCritic, Spaces
 from repaint_cli.tasks import GymEnv, RacerEnv, TaskCard
 
-RACER_RECORDS = ("x", "y", "heading", "speed", "steering", "progress", "status")
+RACER_RECORDS = ("x", "y", "heading", "speed", "steering", "progress", "status", "lap_time")
 
 
 @dataclass(frozen=True)
@@ -48,6 +48,14 @@ class Episodes:
     def status(self) -> np.ndarray | None:
         """How each racing episode ended, (S, E) codes of the racer's STATUS."""
         return self._last("status")
+
+    @property
+    def lap_times(self) -> np.ndarray | None:
+        """How long each whole lap took, (S, E) in s, nan where there was none."""
+        seconds, progress = self._last("lap_time"), self.progress
+        if seconds is None or progress is None:
+            return None
+        return np.where(progress >= 100, seconds, np.nan)
 
     def _last(self, name: str) -> np.ndarray | None:
         if name not in self.records:

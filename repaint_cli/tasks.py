@@ -138,7 +138,8 @@ class TaskCard(Settings):
         """
         from repaint_cli.envs.terms import RewardTerms
 
-        return RewardTerms(_make_env(self.env, n_envs, one_episode, noise), self.reward)
+        amplitudes = self.eval if noise else None
+        return RewardTerms(_make_env(self.env, n_envs, one_episode, amplitudes), self.reward)
 
     def start_options(
         self, n_seeds: int, n_envs: int, iteration: int | None
@@ -152,7 +153,10 @@ class TaskCard(Settings):
             return None
         spacing = 1 / n_envs if iteration is None else 0.05
         first = 0 if iteration is None else (iteration - 1) * n_envs
-        return {"lap_fraction": [(first + n) * spacing % 1 for n in range(n_envs)] * n_seeds}
+        places = {"lap_fraction": [(first + n) * spacing % 1 for n in range(n_envs)] * n_seeds}
+        if iteration is None and self.eval.both_directions:
+            return places | {"reverse": [n % 2 == 1 for n in range(n_envs)] * n_seeds}
+        return places
 
     def check_rollout(self) -> None:
         """Check that episodes end, and that every environment of a rollout finishes one.
@@ -186,7 +190,9 @@ class TaskCard(Settings):
         return limit
 
 
-def _make_env(env: GymEnv | RacerEnv, n_envs: int, one_episode: bool, noise: bool) -> Any:
+def _make_env(
+    env: GymEnv | RacerEnv, n_envs: int, one_episode: bool, noise: EvalConfig | None
+) -> Any:
     if isinstance(env, GymEnv):
         from repaint_cli.envs.gym import make_gym
 
@@ -195,6 +201,12 @@ def _make_env(env: GymEnv | RacerEnv, n_envs: int, one_episode: bool, noise: boo
 
     from repaint_cli.envs.racer import Noise, RacerVectorEnv
 
+    disturbances = None
+    if noise is not None:
+        disturbances = Noise(
+            noise.action_noise, noise.brightness_noise, noise.pixel_noise, noise.salt_pepper,
+            noise.shift,
+        )  # fmt: skip
     mode = AutoresetMode.DISABLED if one_episode else AutoresetMode.NEXT_STEP
     return RacerVectorEnv(
         load_track(env.track),
@@ -205,7 +217,7 @@ def _make_env(env: GymEnv | RacerEnv, n_envs: int, one_episode: bool, noise: boo
         crash=env.crash,
         range_min=env.range_min,
         max_steps=env.max_steps,
-        noise=Noise() if noise else None,
+        noise=disturbances,
         autoreset_mode=mode,
     )
 

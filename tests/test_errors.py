@@ -109,6 +109,7 @@ SETTINGS = [
     (sets("transfer.joint=true"), "transfer.joint: expected False; use --method repaint-joint"),
     (sets("env.backend=envpool", "env.kwargs={reset_noise_scale=0.1}"),
      "expected no env.kwargs with env.backend envpool, found reset_noise_scale"),
+    (["eval", "old-hand", "--noise", "paper"], "--noise with a racing task, found 'reacher'"),
     (["tasks", "check", "mine.toml"], "mine.toml: unknown key 'ppo.gama'"),
     (["compare", "home"], "expected runs of one task, found no run"),
 ]  # fmt: skip

@@ -115,3 +115,25 @@ def test_other_tasks_have_no_paths_and_no_progress(reacher):
     )
     network = student(cheetah)
     assert evaluate(network, cheetah, [0], 1).paths is None
+
+
+def test_every_other_racing_episode_goes_the_other_way_where_the_card_says_so(lap):
+    quiet = lap.with_settings(["eval.noise=none"])
+    both = quiet.with_settings(["eval.both_directions=true"])
+    played, one_way = (evaluate(student(lap), task, [0], 4) for task in (both, quiet))
+    there, here = played.records, one_way.records
+    assert_allclose(there["x"][0, 0, [0, 2]], here["x"][0, 0, [0, 2]])
+    # a quarter of a lap the other way is where three quarters end
+    assert_allclose(there["x"][0, 0, [1, 3]], here["x"][0, 0, [3, 1]], atol=0.4)
+    apart = there["heading"][0, 0, [1, 3]] - here["heading"][0, 0, [3, 1]]
+    assert_allclose(np.cos(apart), -1, atol=0.1)
+
+
+def test_noise_is_as_large_as_the_card_says(lap):
+    names = ("action_noise", "brightness_noise", "pixel_noise", "salt_pepper", "shift")
+    none, nought, some = (
+        evaluate(student(lap), lap.with_settings(settings), [0], 2, keep_images=True)
+        for settings in (["eval.noise=none"], [f"eval.{name}=0" for name in names], [])
+    )
+    assert_array_equal(none.images[0][0], nought.images[0][0])
+    assert (none.images[0][0][0] != some.images[0][0][0]).mean() > 0.5

@@ -24,8 +24,8 @@ def track(request):
 
 
 def started(track, n=3, n_bots=4, seed=0):
-    some = Bots(track, n, n_bots)
-    some.start(np.arange(n), [np.random.default_rng(seed + i) for i in range(n)])
+    some = Bots(n, n_bots)
+    some.start(track, np.arange(n), [np.random.default_rng(seed + i) for i in range(n)])
     return some
 
 
@@ -58,7 +58,7 @@ def test_a_bots_place_is_midway_between_centre_line_and_border(track):
 def test_the_kernel_and_its_slow_twin_agree(track):
     some, rng = started(track), np.random.default_rng(3)
     for _ in range(200):
-        some.drive(np.arange(3), rng.uniform(0, 0.3))
+        some.drive(track, np.arange(3), rng.uniform(0, 0.3))
         expected = reference.bot_points(track, some.along, some.poses[..., SIDE])
         assert_allclose(some.poses[..., :2], expected, atol=1e-12)
 
@@ -67,7 +67,7 @@ def test_bots_advance_at_their_speed_and_wrap_at_the_start_line(track):
     some = started(track, n=1, n_bots=1)
     before = some.along.copy()
     for _ in range(15 * 60):
-        some.drive(np.arange(1), STEP)
+        some.drive(track, np.arange(1), STEP)
     travelled = 0.2 * 60
     assert_allclose(some.along, (before + travelled) % track.length, atol=1e-9)
 
@@ -76,7 +76,7 @@ def test_a_lane_change_takes_a_metre_and_turns_smoothly(track):
     some = started(track, n=1, n_bots=1, seed=2)
     poses, along = [], []
     for _ in range(15 * 30):
-        some.drive(np.arange(1), STEP)
+        some.drive(track, np.arange(1), STEP)
         poses.append(some.poses[0, 0].copy())
         along.append(some.along[0, 0])
     poses = np.array(poses)
@@ -96,7 +96,7 @@ def test_a_lane_change_takes_a_metre_and_turns_smoothly(track):
 def test_bots_head_where_they_go(track):
     some = started(track, n=2)
     before = some.poses.copy()
-    some.drive(np.arange(2), 0.3)
+    some.drive(track, np.arange(2), 0.3)
     moved = some.poses - before
     went = np.arctan2(moved[..., Y], moved[..., X])
     off = np.angle(np.exp(1j * (went - (before[..., YAW] + some.poses[..., YAW]) / 2)))
@@ -109,16 +109,16 @@ def test_a_pause_holds_them_for_two_seconds(track):
     before = some.along.copy()
     some.pause(np.array([1]))
     for _ in range(30):
-        some.drive(np.arange(2), STEP)
+        some.drive(track, np.arange(2), STEP)
     assert_allclose(some.along[1], before[1], atol=1e-9)
     assert_allclose((some.along[0] - before[0]) % track.length, 0.4, atol=1e-9)
-    some.drive(np.arange(2), STEP)
+    some.drive(track, np.arange(2), STEP)
     assert (some.along[1] != before[1]).all()
 
 
 def test_a_cars_bots_depend_on_its_own_generator_alone(track):
     alone, among = started(track, n=1, seed=5), started(track, n=4, seed=2)
     for _ in range(300):
-        alone.drive(np.arange(1), STEP)
-        among.drive(np.arange(4), STEP)
+        alone.drive(track, np.arange(1), STEP)
+        among.drive(track, np.arange(4), STEP)
     assert_array_equal(alone.poses[0], among.poses[3])

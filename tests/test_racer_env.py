@@ -313,3 +313,21 @@ def test_zero_noise_is_none(track):
         for noise in (nothing, None)
     )
     assert_same(with_zero, without)
+
+
+def test_the_other_way_progress_grows_and_lanes_stay_where_they_are(track):
+    env = RacerVectorEnv(track, 2)
+    places = [0.25, 0.75]  # the same point of the road
+    env.reset(seed=1, options={"lap_fraction": places, "reverse": [False, True]})
+    assert_allclose(env._fleet.states[0, :2], env._fleet.states[1, :2], atol=1e-6)
+    for _ in range(12):
+        *_, info = env.step(np.full(2, 2))
+    assert (info["progress"] > 0).all()
+    assert (info["dprog"] > 0).all()
+    apart = info["heading"][0] - info["heading"][1]
+    assert np.cos(apart) < -0.7
+    inner = [
+        np.hypot(*(track.inner - [x, y]).T).min() < np.hypot(*(track.outer - [x, y]).T).min()
+        for x, y in zip(info["x"], info["y"], strict=True)
+    ]
+    assert_array_equal(info["lane"], np.where(inner, 1, -1))

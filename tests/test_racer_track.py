@@ -158,3 +158,15 @@ def test_projection_survives_a_border_that_holds_a_point_twice():
 
 def test_projection_tie_goes_to_the_earlier_segment():
     assert geometry.ring_project(BOX, 2.0, 1.5) == (2.0, 0.0, 0.5)
+
+
+def test_a_reversed_track_is_the_same_road_the_other_way(track):
+    turned = track.reversed()
+    for share in (0.1, 0.4, 0.9):
+        here, heading = track.pose_at(np.array(share))
+        there, opposite = turned.pose_at(np.array(1 - share))
+        assert_allclose(here, there, atol=1e-9)
+        assert np.cos(heading - opposite) == pytest.approx(-1, abs=1e-2)
+    assert turned.ccw != track.ccw
+    assert turned.length == track.length
+    assert turned.reversed() == track

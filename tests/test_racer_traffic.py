@@ -74,7 +74,7 @@ def place_bot(env, ahead):
     fleet = env._fleet
     fleet.bots.along[:] = fleet._measures[0, NDIST] * fleet.track.length + 10.0
     fleet.bots.along[0, 0] = fleet._measures[0, NDIST] * fleet.track.length - 0.14 + ahead
-    fleet.bots.drive(np.arange(env.num_envs), 0.0)
+    fleet.bots.drive(fleet.track, np.arange(env.num_envs), 0.0)
 
 
 @pytest.mark.parametrize("crash", ["at-fault", "any"])
@@ -86,7 +86,7 @@ def test_driving_into_a_bot_is_a_crash_and_a_failure(crash):
     env._fleet.bots.poses[0, 0, :2] = env._fleet.states[0, :2] + 0.45 * np.array(
         [np.cos(env._fleet.states[0, 2]), np.sin(env._fleet.states[0, 2])]
     )
-    env._fleet.bots.drive = lambda rows, seconds: None
+    env._fleet.bots.drive = lambda *_: None
     for _ in range(40):
         *_, terminated, truncated, info = env.step(np.full(1, STRAIGHT_FAST))
         if terminated[0]:
@@ -107,13 +107,13 @@ def test_being_hit_from_behind_ends_only_by_the_stricter_rule(crash, ends):
     bots.poses[0, 0, :3] = fleet.states[0, :3] - [
         0.30 * np.cos(fleet.states[0, 2]), 0.30 * np.sin(fleet.states[0, 2]), 0.0
     ]  # fmt: skip
-    drive, bots.drive = bots.drive, lambda rows, seconds: None
+    drive, bots.drive = bots.drive, lambda *_: None
     _, _, terminated, *_ = env.step(np.full(1, 2))
     assert terminated[0] == ends
     if not ends:
         bots.drive, before = drive, bots.along.copy()
         for _ in range(15):
-            bots.drive(np.arange(1), 1 / 15)
+            bots.drive(fleet.track, np.arange(1), 1 / 15)
         assert_allclose(bots.along, before)  # they wait for the car to go
 
 

@@ -17,6 +17,10 @@ def evaluate(
         str | None, typer.Option(help="Play this task instead of the one it was trained on.")
     ] = None,
     episodes: options.EvalEpisodes = None,
+    noise: Annotated[
+        str | None,
+        typer.Option(help="Small noise on what it sees and does: none or paper; racer only."),
+    ] = None,
     render_offscreen: Annotated[
         bool, typer.Option("--render-offscreen", help="Film the first episodes, without a screen.")
     ] = False,
@@ -29,4 +33,4 @@ def evaluate(
     from repaint_cli.cli.examine import examine, subject
 
     chosen = subject(what, task, Path("runs"))
-    examine(chosen, episodes, seed, video_episodes, render_offscreen)
+    examine(chosen, episodes, noise, seed, video_episodes, render_offscreen)

@@ -4,6 +4,7 @@ import json
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
 from rich.table import Table
 
 from repaint_cli import checkpoint, zoo
@@ -74,13 +75,21 @@ def subject(what: str | None, task: str | None, root: Path) -> Subject:
 
 
 def examine(
-    who: Subject, n_episodes: int | None, seed: int | None, n_filmed: int | None, render: bool
+    who: Subject,
+    n_episodes: int | None,
+    noise: str | None,
+    seed: int | None,
+    n_filmed: int | None,
+    render: bool,
 ) -> None:
     """Evaluate, print a table, and write eval.json, eval-trajectories.png and perhaps video.mp4."""
     if n_filmed is not None and n_filmed < 1:
         raise CardError(f"expected --video-episodes of at least 1, found {n_filmed}")
     task = on_gymnasium(who.task)
-    n_episodes = customize(task, None, eval__episodes=n_episodes).eval.episodes
+    if noise and task.env.simulator != "racer":
+        raise CardError(f"expected --noise with a racing task, found '{task.name}'; leave it out")
+    task = customize(task, None, eval__episodes=n_episodes, eval__noise=noise)
+    n_episodes = task.eval.episodes
     seeds = who.seeds if seed is None else seed_list(seed, 1) * len(who.seeds)
     images = render and task.env.simulator == "racer"
     played = evaluate(
@@ -125,25 +134,53 @@ def summary(who: Subject, played: Episodes, seeds: list[int]) -> dict[str, objec
         "returns": played.returns.tolist(),
         "lengths": played.lengths.tolist(),
         "mean_terms": dict(zip(weights, terms.tolist(), strict=True)),
-        "progress": None if played.progress is None else played.progress.tolist(),
+    } | racing_summary(played)
+
+
+def racing_summary(played: Episodes) -> dict[str, object]:
+    """Return the numbers of races as JSON: progress (%), lap times (s), how episodes ended."""
+    from repaint_cli.envs.racer import STATUS
+
+    if played.progress is None or played.status is None or played.lap_times is None:
+        return {}
+    seconds = played.lap_times
+    return {
+        "progress": played.progress.tolist(),
+        "lap_times": [[None if np.isnan(time) else time for time in row] for row in seconds],
+        "status": [[STATUS[int(code)] for code in row] for row in played.status],
     }
 
 
 def table(who: Subject, played: Episodes) -> Table:
-    """Lay a row per seed: mean return with its interval over episodes, length, lap progress."""
-    columns = ["seed", "return [95 % CI]", "length"]
-    progress = played.progress
-    columns += [] if progress is None else ["progress", "laps"]
-    rows = Table(*columns, title=who.name, title_justify="left", box=None)
+    """Lay a row per seed: mean return with its interval over episodes, and laps or the length."""
+    racing = played.progress is not None
+    more = ["progress, %", "laps", "lap time, s", "crashes"] if racing else ["length"]
+    rows = Table("seed", "return [95 % CI]", *more, title=who.name, title_justify="left", box=None)
     for s, seed in enumerate(who.seeds):
-        mean, low, high = mean_ci(played.returns[s])
-        cells = [
-            str(seed),
-            f"{mean:.4g} [{low:.4g}, {high:.4g}]",
-            f"{played.lengths[s].mean():.0f}",
-        ]
-        if progress is not None:
-            laps = int((progress[s] >= 100).sum())
-            cells += [f"{progress[s].mean():.0f} %", f"{laps} of {progress.shape[1]}"]
-        rows.add_row(*cells)
+        cells = laps(played, s) if racing else [f"{played.lengths[s].mean():.0f}"]
+        rows.add_row(str(seed), interval(played.returns[s]), *cells)
     return rows
+
+
+def laps(played: Episodes, s: int) -> list[str]:
+    """Return a seed's progress, laps, lap times and crashes, for people."""
+    from repaint_cli.envs.racer import STATUS
+
+    progress, status, seconds = played.progress, played.status, played.lap_times
+    assert progress is not None
+    assert status is not None
+    assert seconds is not None
+    whole = seconds[s][~np.isnan(seconds[s])]
+    crashes = int((status[s] == STATUS.index("crashed")).sum())
+    return [
+        interval(progress[s]),
+        f"{len(whole)} of {len(seconds[s])}",
+        interval(whole) if len(whole) else "-",
+        str(crashes),
+    ]
+
+
+def interval(numbers: np.ndarray) -> str:
+    """Return a mean with its 95 % interval, which one number has not."""
+    mean, low, high = mean_ci(numbers)
+    return f"{mean:.4g}" + ("" if np.isnan(low) else f" [{low:.4g}, {high:.4g}]")

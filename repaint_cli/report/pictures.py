@@ -79,7 +79,7 @@ def _paths(label: str, played: Episodes) -> Paths:
         played.paths[0],
         f"{label} · progress {played.progress[0].mean():.0f} %",
         speed=played.records["speed"][:, 0].T,
-        ended_off=played.status[0] == STATUS.index("off_track"),
+        ended_off=np.isin(played.status[0], [STATUS.index(s) for s in ("off_track", "crashed")]),
     )
 
 

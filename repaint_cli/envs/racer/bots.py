@@ -38,13 +38,12 @@ X, Y, YAW, SIDE = range(4)
 class Bots:
     """B bots for each of N cars; the attributes are arrays that the methods change in place."""
 
-    def __init__(self, track: Track, n: int, n_bots: int) -> None:
+    def __init__(self, n: int, n_bots: int) -> None:
         """Make N × B bots; `start` puts them on the road."""
         self.poses = np.zeros((n, n_bots, 4))
         """X, Y, YAW, SIDE."""
         self.along = np.zeros((n, n_bots))
         """Arclength from the start line along the centre line, m."""
-        self._road = (track.centre, track.distances, track.inner, track.outer)
         self._goals = np.ones((n, n_bots))  # the side that each has or goes to
         self._changed = np.ones((n, n_bots))  # share of the lane change that the middle has done
         self._waits = np.zeros((n, n_bots, _WAITS))  # s
@@ -52,39 +51,40 @@ class Bots:
         self._turns = np.zeros((n, n_bots), np.int64)  # lane changes so far
         self._paused = np.zeros(n)  # s left
 
-    def start(self, rows: NDArray[np.int64], rngs: Sequence[np.random.Generator]) -> None:
+    def start(
+        self, road: Track, rows: NDArray[np.int64], rngs: Sequence[np.random.Generator]
+    ) -> None:
         """Place the bots of these cars (K,), each car's by its own generator, in random lanes."""
         n_bots = self.along.shape[1]
         for row, rng in zip(rows, rngs, strict=True):
-            self.along[row] = places(n_bots, self._road[1][-1], rng)
+            self.along[row] = places(n_bots, road.length, rng)
             self._goals[row] = rng.choice([-1.0, 1.0], n_bots)
             self._waits[row] = rng.uniform(*WAIT, (n_bots, _WAITS))
         self._waiting[rows] = self._waits[rows, :, 0]
         self._changed[rows] = 1.0 + _REACH
         self._turns[rows] = 0
         self._paused[rows] = 0.0
-        self.drive(rows, 0.0)
+        self.drive(road, rows, 0.0)
 
-    def drive(self, rows: NDArray[np.int64], seconds: float) -> None:
-        """Move the bots of these cars (K,)."""
+    def drive(self, road: Track, rows: NDArray[np.int64], seconds: float) -> None:
+        """Move the bots of these cars (K,) along a road."""
         drive_bots(
-            rows, seconds, *self._road, self.along, self._goals, self._changed, self._waits,
+            rows, seconds, *road.rings, self.along, self._goals, self._changed, self._waits,
             self._waiting, self._turns, self._paused, self.poses,
         )  # fmt: skip
 
-    def room_for(self, rows: NDArray[np.int64], along: Floats) -> Floats:
+    def room_for(self, road: Track, rows: NDArray[np.int64], along: Floats) -> Floats:
         """Return where these cars (K,) start at these arclengths (K,), (K, 2), m.
 
         That is on the centre line, or with a bot within a metre in the lane it does not go to.
         """
-        centre, distances, inner, outer = self._road
         points = np.empty((len(rows), 2))
         for k, row in enumerate(rows):
             apart = np.abs(self.along[row] - along[k])
-            apart = np.minimum(apart, distances[-1] - apart)
+            apart = np.minimum(apart, road.length - apart)
             nearest = apart.argmin()
             side = -self._goals[row, nearest] if apart[nearest] < START_ROOM else 0.0
-            points[k] = lane_point(centre, distances, inner, outer, along[k], side)
+            points[k] = lane_point(*road.rings, along[k], side)
         return points
 
     def pause(self, rows: NDArray[np.int64]) -> None:

@@ -109,6 +109,7 @@ class RacerVectorEnv(VectorEnv[Any, NDArray[np.int64], Any]):
         self._noise = noise
         self._rngs = [np.random.default_rng() for _ in range(num_envs)]
         self._given_starts: Floats | None = None
+        self._reverse = np.zeros(num_envs, np.bool_)
         self._is_reset = False
         self._parks = autoreset_mode is AutoresetMode.DISABLED
         self._parked: Sights = {}  # what the parked cars saw last
@@ -125,13 +126,16 @@ class RacerVectorEnv(VectorEnv[Any, NDArray[np.int64], Any]):
             seed: one an environment; an integer s stands for s, s + 1, …; None goes on with the
                 generators as they are.
             options: "lap_fraction", (N,), places the cars there, now and at autoresets; absent,
-                they draw their places.
+                they draw their places. "reverse", (N,), says who drives the other way.
 
         Raises:
             ValueError: the seeds or fractions are not N.
         """
         self._seed(seed)
         self._given_starts = _lap_fractions(options, self.num_envs)
+        self._reverse = np.zeros(self.num_envs, np.bool_)
+        if options and "reverse" in options:
+            self._reverse[:] = options["reverse"]
         self._is_reset = True
         rows = np.arange(self.num_envs)
         self._start(rows)
@@ -194,11 +198,12 @@ class RacerVectorEnv(VectorEnv[Any, NDArray[np.int64], Any]):
     def _start(self, rows: Rows) -> None:
         """Begin new episodes of these cars (K,)."""
         if self._given_starts is not None:
-            places = self._given_starts[rows]
+            places = self._given_starts
         else:
-            drawn = [self._rngs[row].integers(START_PLACES) for row in rows]
-            places = np.array(drawn, dtype=np.float64) / START_PLACES
-        self._fleet.start(rows, places, [self._rngs[row] for row in rows])
+            places = np.zeros(self.num_envs)
+            for row in rows:
+                places[row] = self._rngs[row].integers(START_PLACES) / START_PLACES
+        self._fleet.start(rows, places, self._reverse, self._rngs)
 
     def _infos(self, moving: Rows, gained: Floats) -> Infos:
         return self._fleet.terms(moving, gained) | self._fleet.report()

@@ -4,7 +4,7 @@ Knows nothing of pictures, noise or Gymnasium. Methods take row numbers (K,), so
 that are parked cost nothing.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -53,7 +53,9 @@ class Fleet:
             crash: whether "any" crash ends an episode, or only one that the car is "at-fault" in.
         """
         self.track = track
-        self.bots = Bots(track, n, n_bots) if n_bots else None
+        self.bots = Bots(n, n_bots) if n_bots else None
+        self._roads = (track, track.reversed())
+        self._reverse = np.zeros(n, np.int64)  # which of the roads each drives
         self.states = np.zeros((n, 5))
         """X, Y, YAW, SPEED, STEERING."""
         self.status = np.full(n, IN_PROGRESS)
@@ -71,21 +73,31 @@ class Fleet:
         self._any_crash = crash == "any"
 
     def start(
-        self, rows: Rows, lap_fractions: Floats, rngs: Sequence[np.random.Generator] = ()
+        self,
+        rows: Rows,
+        lap_fractions: Floats,
+        reverse: NDArray[np.bool_],
+        rngs: Sequence[np.random.Generator],
     ) -> None:
-        """Put these cars (K,) at rest on the centre line at these places (K,), heading along it.
+        """Put cars at rest on the centre line, heading along it, and their bots on the road.
 
-        Their own generators (K,) place the bots. Where one of them is within a metre, the car
-        starts in the lane that the bot is not in.
+        Where a bot is within a metre, the car starts in the lane that the bot is not in.
+
+        Args:
+            rows: which cars, (K,).
+            lap_fractions: where all of them would start, in their own direction, (N,).
+            reverse: who would drive the track the other way, (N,).
+            rngs: everyone's own generator, which places the bots, (N,).
         """
-        self._starts[rows] = lap_fractions
-        points, headings = self.track.pose_at(lap_fractions)
-        if self.bots:
-            self.bots.start(rows, rngs)
-            points = self.bots.room_for(rows, lap_fractions * self.track.length)
+        self._starts[rows] = lap_fractions[rows]
+        self._reverse[rows] = reverse[rows]
         self.states[rows] = 0.0
-        self.states[rows, :2] = points
-        self.states[rows, YAW] = headings
+        for road, own in self._by_road(rows):
+            points, self.states[own, YAW] = road.pose_at(lap_fractions[own])
+            if self.bots:
+                self.bots.start(road, own, [rngs[row] for row in own])
+                points = self.bots.room_for(road, own, lap_fractions[own] * road.length)
+            self.states[own, :2] = points
         self._commands[rows] = 0.0
         self._counters.clear(rows)
         self.status[rows] = IN_PROGRESS
@@ -111,7 +123,8 @@ class Fleet:
         moved = np.hypot(*(self.states[rows, :2] - places).T)
         self._counters.count(rows, moved, gained[rows])
         if self.bots:
-            self.bots.drive(rows, STEP_SECONDS)
+            for road, own in self._by_road(rows):
+                self.bots.drive(road, own, STEP_SECONDS)
         crashed = self._meet(rows)
         status = status_of(self._measures, self._progress, self._counters, self._max_steps, crashed)
         self.status[rows] = status[rows]
@@ -146,6 +159,13 @@ class Fleet:
             "status": self.status.astype(np.float64),
         }
 
+    def _by_road(self, rows: Rows) -> Iterator[tuple[Track, Rows]]:
+        """Yield each direction's road with those of these cars (K,) that drive it, if any."""
+        for direction, road in enumerate(self._roads):
+            own = rows[self._reverse[rows] == direction]
+            if len(own):
+                yield road, own
+
     def _meet(self, rows: Rows) -> NDArray[np.bool_]:
         """Find out how these cars (K,) stand to their bots; return who crashed, (N,).
 
@@ -165,8 +185,7 @@ class Fleet:
 
     def _measure(self, rows: Rows, progress_before: Floats) -> None:
         """Find out where these cars (K,) stand on the track now."""
-        track = self.track
-        road = (track.centre, track.distances, track.inner, track.outer)
-        measure(rows, self.states, BODY, *road, self._fronts, self._measures)
+        for road, own in self._by_road(rows):
+            measure(own, self.states, BODY, *road.rings, self._fronts, self._measures)
         ndist = self._measures[rows, NDIST]
         self._progress[rows] = progress_since(ndist, self._starts[rows], progress_before)

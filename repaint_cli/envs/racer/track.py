@@ -3,7 +3,7 @@
 Knows nothing of files, cars or cameras. A ring is an array (M, 2) whose last row repeats its first.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -73,6 +73,22 @@ class Track:
             length=float(distances[-1]),
             width=_median_width(centre, inner, outer),
             ccw=_signed_area(centre) > 0,
+        )
+
+    @property
+    def rings(self) -> tuple[Floats, Floats, Floats, Floats]:
+        """Centre line, its arclengths, inner and outer border, as the kernels take them."""
+        return self.centre, self.distances, self.inner, self.outer
+
+    def reversed(self) -> "Track":
+        """Return the same road, driven the other way; its start line stays."""
+        turned = (np.ascontiguousarray(r[::-1]) for r in (self.centre, self.inner, self.outer))
+        centre, inner, outer = turned
+        distances = np.ascontiguousarray(self.length - self.distances[::-1])
+        for array in (centre, inner, outer, distances):
+            array.flags.writeable = False
+        return replace(
+            self, centre=centre, inner=inner, outer=outer, distances=distances, ccw=not self.ccw
         )
 
     def pose_at(self, lap_fraction: Floats) -> tuple[Floats, Floats]:
