@@ -2,7 +2,8 @@
 
 from math import sqrt
 
-from repaint_cli.tasks import GymEnv, TaskCard
+from repaint_cli.simulators import GymEnv
+from repaint_cli.tasks import TaskCard
 
 
 def cosine(first: TaskCard, second: TaskCard) -> float | None:

@@ -7,7 +7,8 @@ from pydantic import ValidationError
 
 from repaint_cli import config
 from repaint_cli.config import METHODS, PPOConfig, SelectConfig, Settings, TransferConfig
-from repaint_cli.tasks import GymEnv, RacerEnv, TaskCard
+from repaint_cli.simulators import GymEnv, RacerEnv
+from repaint_cli.tasks import TaskCard
 from repaint_cli.zoo import Score, TeacherCard
 
 RECORDS = [part for part in vars(config).values() if isinstance(part, type)]

@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_array_equal
 
 from repaint_cli.cards import read_task, shipped_tasks
-from repaint_cli.tasks import RacerEnv
+from repaint_cli.simulators import RacerEnv
 
 N = 2
 

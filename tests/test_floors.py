@@ -10,6 +10,7 @@ from repaint_cli.paths import PACKAGE
 FLOORS = [
     {"repaint_cli", "errors", "paths", "config"},
     {"files", "envs", "distributions", "normalizer", "report.statistics"},
+    {"simulators"},
     {"tasks", "nets"},
     {"cards", "learn", "similarity"},
     {"evaluate", "checkpoint", "history"},

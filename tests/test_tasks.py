@@ -1,8 +1,11 @@
 """Task cards: read, extended, changed, copied."""
 
 import json
+from pathlib import Path
+from shutil import copyfile
 
 import gymnasium
+import numpy as np
 import pytest
 from tiny_tasks import Reach, guess, reach
 
@@ -10,6 +13,8 @@ from repaint_cli.cards import read_task, shipped_tasks
 from repaint_cli.cli.tasks import to_toml
 from repaint_cli.errors import CardError, NotFound
 from repaint_cli.tasks import TaskCard
+
+REAL = Path(__file__).parents[2] / "shared" / "data" / "deepracer" / "tracks"
 
 gymnasium.register("repaint-tests/Endless-v0", Reach, disable_env_checker=True)
 
@@ -192,3 +197,49 @@ def test_tasks_list_and_show_name_everything(repaint):
         "γ, the discount",
     ):
         assert word in shown
+
+
+def real(name):
+    path = REAL / f"{name}.npy"
+    if not path.exists():
+        pytest.skip(f"needs {path}, a track of DeepRacer's")
+    return path
+
+
+@pytest.mark.parametrize("name", ["Albert", "Oval_track", "Tokyo_Training_track", "reinvent_base"])
+def test_a_file_of_waypoints_is_a_track(name):
+    task = read_task("racer-inner").with_settings([f"env.track={real(name)}", "env.max_steps=5"])
+    env = task.make_env(2)
+    images, _ = env.reset(seed=[1, 2])
+    assert images.std() > 10
+    env.step(np.full(2, 7))
+
+
+def test_checking_a_track_says_what_it_is_and_draws_it(repaint, home):
+    copyfile(real("Albert"), "mine.npy")
+    said = repaint("tasks", "check", "mine.npy")
+    assert said.code == 0
+    assert "51.39 m long, 1.067 m wide, driven clockwise, tightest radius 0.84 m" in said.out
+    assert (home / "mine.png").read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize("write", [
+    lambda path: path.write_text("x, y"),
+    lambda path: path.write_bytes(b""),
+    lambda path: np.save(path, {"x": 1}, allow_pickle=True),
+])  # fmt: skip
+def test_a_file_that_is_no_array_is_no_track(repaint, home, write):
+    write(home / "mine.npy")
+    said = repaint("tasks", "check", "mine.npy")
+    assert (said.code, said.err.count("\n")) == (3, 1)
+    assert "expected an array (N, 6) of waypoints" in said.err
+
+
+def test_waypoints_that_are_no_road_say_why(repaint, home):
+    np.save(home / "mine.npy", np.zeros((9, 4)))
+    said = repaint("tasks", "check", "mine.npy")
+    assert said.code == 3
+    assert (
+        "error: mine.npy: track 'mine': expected an array of shape (N, 6), found (9, 4)" in said.err
+    )
+    assert repaint("tasks", "check", "none.npy").code == 2

@@ -10,11 +10,11 @@ import pytest
 ROOT = Path(__file__).parents[1]
 
 LOOK = """
-from repaint_cli import cards, paths, tasks, zoo
+from repaint_cli import cards, paths, simulators, zoo
 assert "site" in str(paths.PACKAGE), paths.PACKAGE
 print(*cards.shipped_tasks())
 print(*zoo.teachers())
-print(tasks.load_track("oval").name)
+print(simulators.load_track("oval").name)
 """
 
 

@@ -21,7 +21,8 @@ from repaint_cli.nets import ActorCritic
 from repaint_cli.report.pictures import draw_trajectories, film
 from repaint_cli.report.statistics import mean_ci
 from repaint_cli.runs import stamp
-from repaint_cli.tasks import GymEnv, TaskCard
+from repaint_cli.simulators import GymEnv
+from repaint_cli.tasks import TaskCard
 
 FILMED = {"gymnasium": 5, "racer": 1}
 """Episodes in a video, by simulator."""

@@ -60,15 +60,38 @@ def copy(
 
 
 @tasks.command()
-def check(name: Name) -> None:
-    """Check a card: its settings, its environment, its reward terms, one random step."""
+def check(
+    name: Annotated[
+        str, typer.Argument(help="A task's name, a card, or a file of waypoints (.npy).")
+    ],
+) -> None:
+    """Check a card, by one random step in its environment, or a track, and draw the track."""
     from repaint_cli.evaluate import try_out
 
+    if name.endswith(".npy"):
+        return check_track(name)
     card = read_task(name)
     spaces, paid = try_out(card)
     card.check_rollout()
     terms = ", ".join(f"{term} {value:.4g}" for term, value in paid.items())
     print(f"{card.name} is sound: {spaces}; reward terms of a random first step: {terms}")
+
+
+def check_track(file: str) -> None:
+    """Check a file of waypoints, say what track it holds, and draw it."""
+    from repaint_cli.report.track_map import plot_track
+    from repaint_cli.simulators import load_track
+
+    track = load_track(file)
+    way = "counter-clockwise" if track.ccw else "clockwise"
+    facts = (
+        f"{track.length:.2f} m long, {track.width:.3f} m wide, driven {way}, "
+        f"tightest radius {track.tightest_radius:.2f} m"
+    )
+    print(f"{track.name} is sound: {facts}")
+    picture = Path(f"{track.name}.png")
+    plot_track(track, picture, facts)
+    print(f"wrote {picture}\nnext: repaint train-teacher --task racer-inner --set env.track={file}")
 
 
 def to_toml(card: TaskCard) -> str:

@@ -14,7 +14,8 @@ from repaint_cli.report.offscreen import Episode, render_gym
 from repaint_cli.report.racer_film import Drive, racer_frames
 from repaint_cli.report.trajectories import Paths, plot_racer, plot_reacher
 from repaint_cli.report.video import write_video
-from repaint_cli.tasks import GymEnv, RacerEnv, TaskCard, load_track
+from repaint_cli.simulators import GymEnv, RacerEnv, load_track
+from repaint_cli.tasks import TaskCard
 
 PANELS = 6
 """Checkpoints whose trajectories are drawn."""

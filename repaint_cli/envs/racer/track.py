@@ -76,6 +76,17 @@ class Track:
         )
 
     @property
+    def tightest_radius(self) -> float:
+        """Least radius of a circle through a centre point and those 0.3 m before and after, m."""
+        reach = 0.3 / self.length
+        shares = self.distances[:-1] / self.length
+        a, b, c = (self.pose_at(shares + offset)[0] for offset in (-reach, 0.0, reach))
+        (ux, uy), (vx, vy) = (b - a).T, (c - b).T
+        sides = np.hypot(ux, uy) * np.hypot(vx, vy) * np.hypot(*(c - a).T)
+        twice = np.maximum(2 * np.abs(ux * vy - uy * vx), 1e-12)
+        return float((sides / twice).min())
+
+    @property
     def rings(self) -> tuple[Floats, Floats, Floats, Floats]:
         """Centre line, its arclengths, inner and outer border, as the kernels take them."""
         return self.centre, self.distances, self.inner, self.outer

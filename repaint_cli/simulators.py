@@ -1,0 +1,162 @@
+"""The simulators a task may be of, as a card's [env] section names and sets them.
+
+Nothing here imports a simulator before it is needed.
+"""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+from pydantic import Field
+
+from repaint_cli.config import EvalConfig, Settings
+from repaint_cli.errors import CardError, NotFound
+from repaint_cli.paths import shipped
+
+if TYPE_CHECKING:
+    from gymnasium.vector import VectorEnv
+
+    from repaint_cli.envs.racer import Track
+
+
+class GymEnv(Settings):
+    """An environment of Gymnasium, by id."""
+
+    simulator: Literal["gymnasium"]
+    """Which simulator this is."""
+    id: str
+    """The environment's id, as in `gymnasium.make`."""
+    backend: Literal["auto", "envpool", "gymnasium"] = "auto"
+    """Who steps it: EnvPool where installed and checked to be equal, else Gymnasium."""
+    kwargs: dict[str, bool | int | float | str] = Field(default_factory=dict)
+    """Arguments for the environment."""
+
+    def make(
+        self, n_envs: int, one_episode: bool, noise: EvalConfig | None
+    ) -> "VectorEnv[Any, Any, Any]":
+        """Make N copies; see `TaskCard.make_env`. They know no noise.
+
+        Raises:
+            CardError: Gymnasium does not know the id, or refuses the arguments.
+        """
+        from repaint_cli.envs.gym import make_gym
+
+        return make_gym(self.id, n_envs, self.kwargs, self.backend)
+
+    def start_options(
+        self, n_seeds: int, n_envs: int, iteration: int | None, both_directions: bool
+    ) -> dict[str, Any] | None:
+        """Return None: the environment decides where its episodes start."""
+        return None
+
+    def longest_episode(self) -> int:
+        """Return the time limit, in steps.
+
+        Raises:
+            CardError: there is no such environment, or it has no limit.
+        """
+        import gymnasium
+
+        try:
+            limit = gymnasium.spec(self.id).max_episode_steps
+        except (gymnasium.error.Error, ImportError) as error:
+            raise CardError(f"gymnasium has no environment '{self.id}': {error}") from error
+        if limit is None:
+            raise CardError(
+                f"'{self.id}' has no time limit, so an evaluation might never end; "
+                "register it with max_episode_steps"
+            )
+        return limit
+
+
+class RacerEnv(Settings):
+    """Our racing simulator: a car with a camera on a closed track, alone or among bots."""
+
+    simulator: Literal["racer"]
+    """Which simulator this is."""
+    track: str = "reinvent-like"
+    """A shipped track, by name, or the path of a file of waypoints (`my-track.npy`)."""
+    car: Literal["sim4", "sim5", "ideal"] = "sim4"
+    """The car's dynamics: two fits to real logs, or a bicycle without lag."""
+    sensors: Literal["camera", "stereo", "stereo+lidar"] = "camera"
+    """What the car sees with: one camera, two 6 cm apart, or these and a lidar looking back."""
+    n_bots: int = Field(0, ge=0, le=16)
+    """Other cars on the road, which keep a lane at 0.2 m/s and change it every few seconds."""
+    crash: Literal["at-fault", "any"] = "at-fault"
+    """Which crashes end an episode: those with a bot ahead, as DeepRacer's do, or any."""
+    range_min: float = Field(0.12, ge=0, lt=1)
+    """What the lidar reads of anything nearer, m."""
+    max_steps: int = Field(1500, gt=0)
+    """Time limit of an episode, in steps of 1/15 s."""
+
+    def make(
+        self, n_envs: int, one_episode: bool, noise: EvalConfig | None
+    ) -> "VectorEnv[Any, Any, Any]":
+        """Make N copies; see `TaskCard.make_env`.
+
+        Raises:
+            NotFound: there is no such track.
+            CardError: the track's file holds none.
+        """
+        from gymnasium.vector import AutoresetMode
+
+        from repaint_cli.envs.racer import Noise, RacerVectorEnv
+
+        disturbances = None
+        if noise is not None:
+            disturbances = Noise(
+                noise.action_noise, noise.brightness_noise, noise.pixel_noise, noise.salt_pepper,
+                noise.shift,
+            )  # fmt: skip
+        return RacerVectorEnv(
+            load_track(self.track), n_envs, car=self.car, sensors=self.sensors, n_bots=self.n_bots,
+            crash=self.crash, range_min=self.range_min, max_steps=self.max_steps,
+            noise=disturbances,
+            autoreset_mode=AutoresetMode.DISABLED if one_episode else AutoresetMode.NEXT_STEP,
+        )  # fmt: skip
+
+    def start_options(
+        self, n_seeds: int, n_envs: int, iteration: int | None, both_directions: bool
+    ) -> dict[str, Any] | None:
+        """Return where S × N episodes start; see `TaskCard.start_options`."""
+        spacing = 1 / n_envs if iteration is None else 0.05
+        first = 0 if iteration is None else (iteration - 1) * n_envs
+        places = {"lap_fraction": [(first + n) * spacing % 1 for n in range(n_envs)] * n_seeds}
+        if iteration is None and both_directions:
+            return places | {"reverse": [n % 2 == 1 for n in range(n_envs)] * n_seeds}
+        return places
+
+    def longest_episode(self) -> int:
+        """Return the time limit, in steps."""
+        return self.max_steps
+
+
+def load_track(name: str) -> "Track":
+    """Read a shipped track by name, or a file of waypoints (N, 6) by its path (`my-track.npy`).
+
+    Raises:
+        NotFound: there is no such track.
+        CardError: the file holds no track.
+    """
+    import numpy as np
+
+    from repaint_cli.envs.racer.track import Track
+
+    path = Path(name)
+    if path.suffix != ".npy":
+        folder = shipped("tasks") / "racer" / "tracks"
+        known = {path.stem: path for path in sorted(folder.glob("*.npy"))}
+        if name not in known:
+            raise NotFound.named("track", name, known, "repaint tasks list")
+        path = known[name]
+    try:
+        rows = np.load(path, allow_pickle=False)
+    except FileNotFoundError as error:
+        raise NotFound(f"expected a file of waypoints at '{path}', found none") from error
+    except (OSError, ValueError, EOFError) as error:
+        raise CardError(
+            f"expected an array (N, 6) of waypoints, as numpy.save writes it, found none in {path}"
+        ) from error
+    try:
+        return Track.from_waypoints(rows, path.stem)
+    except ValueError as error:
+        raise CardError(f"{path}: {error}") from error
