@@ -178,6 +178,10 @@ class RacerVectorEnv(VectorEnv[Any, NDArray[np.int64], Any]):
         terminations = over & ~truncations
         return self._observation(seen), infos["dprog"].copy(), terminations, truncations, infos
 
+    def params(self, row: int) -> dict[str, Any]:
+        """Return what DeepRacer would tell a reward function about one car now: its `params`."""
+        return self._fleet.params(row)
+
     def close_extras(self, **kwargs: Any) -> None:
         """Let the threads go."""
         self._sensors.close()

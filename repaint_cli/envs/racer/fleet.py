@@ -23,7 +23,9 @@ from repaint_cli.envs.racer.car import (
 )
 from repaint_cli.envs.racer.encounters import AT_FAULT, HIT, NEXT, meet
 from repaint_cli.envs.racer.geometry import NDIST, measure
+from repaint_cli.envs.racer.params import Moment, params_of
 from repaint_cli.envs.racer.rules import (
+    CRASHED,
     IN_PROGRESS,
     Counters,
     progress_since,
@@ -158,6 +160,27 @@ class Fleet:
             "lap_time": self._counters.steps * STEP_SECONDS,
             "status": self.status.astype(np.float64),
         }
+
+    def params(self, row: int) -> dict[str, Any]:
+        """Return what DeepRacer would tell a reward function about one car now."""
+        bots = self.bots
+        return params_of(
+            Moment(
+                road=self._roads[self._reverse[row]],
+                is_reversed=bool(self._reverse[row]),
+                front=self._fronts[row],
+                yaw=float(self.states[row, YAW]),
+                command=self._commands[row],
+                measures=self._measures[row],
+                progress=float(self._progress[row]),
+                steps=int(self._counters.steps[row]),
+                seconds=float(self._counters.steps[row] * STEP_SECONDS),
+                crashed=bool(self.status[row] == CRASHED),
+                poses=bots.poses[row] if bots else np.empty((0, 4)),
+                bots_along=bots.along[row] if bots else np.empty(0),
+                encounter=self._encounters[row],
+            )
+        )
 
     def _by_road(self, rows: Rows) -> Iterator[tuple[Track, Rows]]:
         """Yield each direction's road with those of these cars (K,) that drive it, if any."""

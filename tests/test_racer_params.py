@@ -1,0 +1,126 @@
+"""The dictionary that DeepRacer's reward functions read."""
+
+import csv
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from repaint_cli.envs.racer import RacerVectorEnv, Track
+from repaint_cli.envs.racer.geometry import NDIST
+from repaint_cli.envs.racer.params import closest_waypoints
+from repaint_cli.envs.racer.reference import ring_project
+
+ROOT = Path(__file__).parents[1]
+REAL = ROOT.parent / "shared" / "data" / "deepracer"
+KEYS = """all_wheels_on_track x y heading distance_from_center projection_distance progress steps speed
+steering_angle track_width track_length waypoints closest_waypoints is_left_of_center is_reversed
+closest_objects objects_location objects_left_of_center object_in_camera objects_speed
+objects_heading objects_distance objects_distance_from_center is_crashed is_offtrack sim_time"""
+TYPES = {bool: "all_wheels_on_track is_left_of_center is_reversed object_in_camera is_crashed is_offtrack",
+         float: "x y heading distance_from_center projection_distance progress steps speed "
+                "steering_angle track_width track_length sim_time"}  # fmt: skip
+
+
+def load(name):
+    return Track.from_waypoints(np.load(ROOT / f"tasks/racer/tracks/{name}.npy"), name)
+
+
+def driven(name="wide-loop", steps=5, reverse=False, n_bots=4, action=8, share=0.3):
+    env = RacerVectorEnv(load(name), 1, sensors="stereo", n_bots=n_bots)
+    env.reset(seed=4, options={"lap_fraction": [share], "reverse": [reverse]})
+    for _ in range(steps):
+        env.step(np.full(1, action))
+    return env, env.params(0)
+
+
+@pytest.mark.parametrize("n_bots", [0, 4])
+def test_all_keys_are_there_in_plain_python(n_bots):
+    _, params = driven(n_bots=n_bots)
+    assert sorted(params) == sorted(KEYS.split())
+    for kind, names in TYPES.items():
+        assert {name for name in names.split() if type(params[name]) is not kind} == set()
+    for name in ("objects_location", "objects_speed", "objects_heading", "objects_distance"):
+        assert len(params[name]) == n_bots
+
+
+def test_commands_are_told_and_not_what_the_car_makes_of_them():
+    env, params = driven(steps=2, action=9)
+    assert (params["speed"], params["steering_angle"]) == (1.0, pytest.approx(30))
+    assert env._fleet.states[0, 3] < 0.9
+    assert (params["steps"], params["sim_time"]) == (2, pytest.approx(2 / 15))
+
+
+@pytest.mark.parametrize("reverse", [False, True])
+def test_the_driven_direction_rules_waypoints_and_sides(reverse):
+    env, params = driven(reverse=reverse, n_bots=0)
+    track = load("wide-loop")
+    first, last = (
+        (track.centre[-2], track.centre[1]) if reverse else (track.centre[1], track.centre[-2])
+    )
+    assert_allclose(params["waypoints"][1], first)
+    assert_allclose(params["waypoints"][-2], last)
+    before, after = (np.array(params["waypoints"][k]) for k in params["closest_waypoints"])
+    way = after - before
+    assert (
+        abs(np.angle(np.exp(1j * (np.arctan2(way[1], way[0]) - np.deg2rad(params["heading"])))))
+        < 0.5
+    )
+    here = np.array([params["x"], params["y"]]) - before
+    cross = way[0] * here[1] - way[1] * here[0]
+    assert params["is_left_of_center"] == (cross > 0)
+    assert params["is_reversed"] == reverse
+    env.close()
+
+
+def test_a_moved_list_does_not_come_back():
+    env, params = driven()
+    params["waypoints"].clear()
+    params["objects_location"].clear()
+    again = env.params(0)
+    assert len(again["waypoints"]) > 100
+    assert len(again["objects_location"]) == 4
+
+
+def test_bots_are_told_by_place_side_and_order():
+    env, params = driven(steps=60, action=2)
+    bots, track = env._fleet.bots, load("wide-loop")
+    near, _ = ring_project(track.centre, bots.poses[0, :, :2])
+    assert_allclose(
+        params["objects_distance_from_center"],
+        np.hypot(*(near - bots.poses[0, :, :2]).T), atol=0.02,
+    )  # fmt: skip
+    own = params["projection_distance"]
+    ahead = [(d - own) % track.length for d in params["objects_distance"]]
+    assert params["closest_objects"] == [int(np.argmax(ahead)), int(np.argmin(ahead))]
+    sides = [bool(side > 0) for side in bots.poses[0, :, 3]]
+    assert params["objects_left_of_center"] == sides  # the infield is on the left
+
+
+def test_waypoints_wrap_at_the_start_line():
+    track = load("oval")
+    m = len(track.distances)
+    assert closest_waypoints(track, 0.0) == [0, 1]
+    assert closest_waypoints(track, float(track.distances[1])) == [1, 2]
+    assert closest_waypoints(track, track.length - 1e-6) == [m - 2, m - 1]
+    assert closest_waypoints(track, track.length) == [m - 1, 0]
+
+
+@pytest.mark.skipif(not REAL.is_dir(), reason="the DeepRacer logs are not here")
+@pytest.mark.parametrize("kind", ["training-12", "evaluation-0"])
+def test_the_closest_waypoint_is_that_of_real_logs(kind):
+    """Logs hold the nearer one of the two."""
+    track = Track.from_waypoints(np.load(REAL / "tracks" / "reinvent_base.npy"), "reinvent_base")
+    with (REAL / "logs" / f"drfc1-{kind}-iteration.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    front = np.array([[float(row["X"]), float(row["Y"])] for row in rows])
+    _, where = ring_project(track.centre, front)
+    along = np.interp(where, np.arange(len(track.distances)), track.distances)
+    wrong = 0
+    for place, distance, row in zip(front, along, rows, strict=True):
+        two = closest_waypoints(track, distance)
+        gaps = [np.hypot(*(track.centre[k] - place)) for k in two]
+        wrong += two[int(np.argmin(gaps))] != int(row["closest_waypoint"])
+    assert wrong == 0
+    assert NDIST == 0
