@@ -11,10 +11,11 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
+from repaint_cli.envs.racer.car import FRONT_OFFSET
 from repaint_cli.errors import RenderError, StoreError
 from repaint_cli.report import offscreen
 from repaint_cli.report.offscreen import Episode, find_renderer, frames, render_gym
-from repaint_cli.report.racer_film import CAR_COLOUR, HEIGHT, MAP_WIDTH, Drive, racer_frames
+from repaint_cli.report.racer_film import CAR_COLOUR, HEIGHT, MAP_WIDTH, NOSE, Drive, racer_frames
 from repaint_cli.report.video import CAPTION_HEIGHT, caption, write_video
 
 ANGLES = np.linspace(0, 2 * np.pi, 60)
@@ -93,6 +94,10 @@ def drive(n_steps=40):
     )
     one = np.ones(n_steps)
     return Drive(xy, heading, one * 0.7, one * -0.2, turns * 15, one, images)
+
+
+def test_the_films_car_has_its_nose_where_the_simulators_has():
+    assert NOSE == FRONT_OFFSET
 
 
 def car_pixels(frame):

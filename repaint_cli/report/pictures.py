@@ -5,13 +5,12 @@ from pathlib import Path
 
 import numpy as np
 
-from repaint_cli.envs.racer.car import FRONT_OFFSET
 from repaint_cli.evaluate import Episodes
 from repaint_cli.history import Run
 from repaint_cli.metrics import Report
 from repaint_cli.report.curves import plot_curves
 from repaint_cli.report.offscreen import Episode, render_gym
-from repaint_cli.report.racer_film import Drive, racer_frames
+from repaint_cli.report.racer_film import NOSE, Drive, racer_frames
 from repaint_cli.report.trajectories import Paths, plot_racer, plot_reacher
 from repaint_cli.report.video import write_video
 from repaint_cli.simulators import GymEnv, RacerEnv, load_track
@@ -116,7 +115,7 @@ def _drive(played: Episodes, e: int) -> Drive:
     assert played.images is not None
     steps = played.lengths[0, e]
     state = {name: rows[:steps, 0, e] for name, rows in played.records.items()}
-    ahead = FRONT_OFFSET * np.stack([np.cos(state["heading"]), np.sin(state["heading"])], -1)
+    ahead = NOSE * np.stack([np.cos(state["heading"]), np.sin(state["heading"])], -1)
     return Drive(
         xy=np.stack([state["x"], state["y"]], -1) - ahead,
         heading=state["heading"],

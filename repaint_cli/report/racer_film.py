@@ -17,7 +17,6 @@ from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
-from repaint_cli.envs.racer.car import FRONT_OFFSET
 from repaint_cli.report import look
 from repaint_cli.report.road import draw_road
 from repaint_cli.report.statistics import Floats
@@ -26,8 +25,8 @@ from repaint_cli.report.video import Frame, font
 MAP_WIDTH, SIDE_WIDTH, HEIGHT = 640, 480, 480
 FINE = 2
 """The map is drawn this many times finer and averaged, so that trail and car have smooth edges."""
-CAR_LENGTH, CAR_WIDTH = 0.32, 0.19
-"""The body, centred on the base point, m."""
+CAR_LENGTH, CAR_WIDTH, NOSE = 0.32, 0.19, 0.14
+"""The body, centred on the base point, and the front point ahead of it, m."""
 CAR_COLOUR = "#009E73"
 CAMERA_HEIGHT = 360
 COLUMN = SIDE_WIDTH / 4
@@ -137,7 +136,7 @@ def _body(xy: Floats, heading: float) -> Floats:
     """Return the car's four corners and then its front point, (5, 2), m."""
     ahead, left = CAR_LENGTH / 2, CAR_WIDTH / 2
     body = [[-ahead, -left], [ahead, -left], [ahead, left], [-ahead, left]]
-    own = np.array([*body, [FRONT_OFFSET, 0]])
+    own = np.array([*body, [NOSE, 0]])
     cos, sin = np.cos(heading), np.sin(heading)
     return np.asarray(xy + own @ np.array([[cos, sin], [-sin, cos]]))
 
