@@ -44,13 +44,31 @@ def _resolve(path: Path) -> dict[str, Any]:
         data = tomllib.loads(path.read_text(encoding="utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise CardError(f"{path}: {error}") from error
+    code = _reward_code(data, path.parent)
     base = data.pop("extends", None)
     if base is None:
-        return data
+        return data | code
     known = shipped_tasks()
     if not isinstance(base, str) or base not in known or known[base] == path:
         raise NotFound.named("task", str(base), known, "repaint tasks list")
-    return _merge(_resolve(known[base]), data)
+    whole = _merge(_resolve(known[base]), data)
+    return whole | code
+
+
+def _reward_code(data: dict[str, Any], folder: Path) -> dict[str, Any]:
+    """Return what `[reward] function = "file.py"` stands for: the file's text, and one term."""
+    file = data.get("reward", {}).get("function") if isinstance(data.get("reward"), dict) else None
+    if not isinstance(file, str):
+        return {}
+    if len(data["reward"]) > 1:
+        raise CardError(f"a reward function stands alone: leave out what is beside {file}")
+    del data["reward"]
+    path = folder / file
+    try:
+        source = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise CardError(f"cannot read the reward function {path}: {error}") from error
+    return {"reward": {"function": 1.0}, "reward_code": {"name": path.name, "source": source}}
 
 
 def _merge(base: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:

@@ -12,7 +12,8 @@ def cosine(first: TaskCard, second: TaskCard) -> float | None:
     sim(r₁, r₂) = w₁·w₂ / (‖w₁‖‖w₂‖)      (paper, equation 4)
     """
     w1, w2 = first.reward, second.reward
-    if _world(first) != _world(second) or set(w1) != set(w2):
+    same_world = _world(first) == _world(second) and first.reward_code == second.reward_code
+    if not same_world or set(w1) != set(w2):
         return None
     dot = sum(w1[name] * w2[name] for name in w1)
     return dot / sqrt(sum(w * w for w in w1.values()) * sum(w * w for w in w2.values()))

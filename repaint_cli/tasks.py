@@ -7,7 +7,7 @@ import tomllib
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated, Any
 
-from pydantic import Field, ValidationError, field_validator
+from pydantic import Field, ValidationError, field_validator, model_validator
 
 from repaint_cli.config import (
     EvalConfig,
@@ -24,6 +24,15 @@ if TYPE_CHECKING:
     from repaint_cli.envs.terms import RewardTerms
 
 
+class RewardCode(Settings):
+    """A user's own reward function: a file's name and its text."""
+
+    name: str
+    """What the file is called."""
+    source: str
+    """Python, with `def reward_function(params)`."""
+
+
 class TaskCard(Settings):
     """A task: environment, reward weights, and the numbers to train it with."""
 
@@ -35,6 +44,8 @@ class TaskCard(Settings):
     """The simulator and its settings."""
     reward: dict[str, float]
     """Weights w by the names of the terms φ, in multiples of the environment's own coefficients."""
+    reward_code: RewardCode | None = None
+    """In place of weighed terms: a function of the racer's `params`, the one term "function"."""
     net: NetConfig = NetConfig()
     """The networks."""
     ppo: PPOConfig = PPOConfig()
@@ -52,6 +63,14 @@ class TaskCard(Settings):
         if not any(weights.values()):
             raise ValueError("at least one weight must differ from 0")
         return weights
+
+    @model_validator(mode="after")
+    def _code_is_for_the_racer(self) -> "TaskCard":
+        if self.reward_code and self.env.simulator != "racer":
+            raise ValueError("a reward function needs the racer's params: env.simulator = 'racer'")
+        if self.reward_code and list(self.reward) != ["function"]:
+            raise ValueError("a reward function stands alone: leave the other terms out")
+        return self
 
     @classmethod
     def parse(cls, data: Mapping[str, Any], where: str) -> "TaskCard":
@@ -105,7 +124,12 @@ class TaskCard(Settings):
         from repaint_cli.envs.terms import RewardTerms
 
         amplitudes = self.eval if noise else None
-        return RewardTerms(self.env.make(n_envs, one_episode, amplitudes), self.reward)
+        env = self.env.make(n_envs, one_episode, amplitudes)
+        if self.reward_code:
+            from repaint_cli.envs.racer.reward_file import RewardFile
+
+            env = RewardFile(env, self.reward_code.name, self.reward_code.source)
+        return RewardTerms(env, self.reward)
 
     def start_options(
         self, n_seeds: int, n_envs: int, iteration: int | None

@@ -186,7 +186,8 @@ def misfit(card: TeacherCard, task: TaskCard, spaces: "Spaces") -> str | None:
     """Return why a teacher does not fit a task, or None."""
     if card.spaces != spaces:
         return f"teacher '{card.name}' has {card.spaces}, task '{task.name}' has {spaces}"
-    if set(card.task.reward) != set(task.reward):
+    code = card.task.reward_code or task.reward_code  # which has no terms to compare
+    if not code and set(card.task.reward) != set(task.reward):
         theirs, ours = ", ".join(card.task.reward), ", ".join(task.reward)
         return (
             f"teacher '{card.name}' knows the reward terms {theirs}, task '{task.name}' has {ours}"

@@ -69,6 +69,12 @@ def subject(what: str | None, task: str | None, root: Path) -> Subject:
     network, teacher = zoo.load_teacher(path)
     if card:
         zoo.check_fits(teacher, card, spaces_of(card))
+    if teacher.task.reward_code and not card:
+        code = teacher.task.reward_code.name
+        raise CardError(
+            f"'{teacher.name}' was trained with the reward function {code}, which is never run "
+            "from a teacher's file; name the task: --task my-task.toml"
+        )
     target = card or teacher.task
     name = teacher.name if target == teacher.task else f"{teacher.name} on {target.name}"
     folder = root / target.name / f"eval-{teacher.name}-{stamp()}"

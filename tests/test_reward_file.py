@@ -1,0 +1,162 @@
+"""Reward functions of DeepRacer users, run as they are."""
+
+import numpy as np
+import pytest
+from gymnasium.vector import AutoresetMode
+
+from repaint_cli.cards import read_task
+from repaint_cli.envs.racer import RacerVectorEnv
+from repaint_cli.envs.racer.reward_file import RewardFile
+from repaint_cli.errors import CardError
+from repaint_cli.similarity import cosine
+from repaint_cli.simulators import load_track
+
+CENTRE = """
+import math
+
+def reward_function(params):
+    if not params["all_wheels_on_track"]:
+        return 1e-3
+    half = params["track_width"] / 2
+    return float(max(1e-3, 1 - math.fabs(params["distance_from_center"]) / half))
+"""
+COUNTER = """
+calls = 0
+
+def reward_function(params):
+    global calls
+    calls += 1
+    return calls
+"""
+CARD = """
+extends = "racer-inner"
+summary = "Keep to the middle."
+
+[env]
+max_steps = 6
+
+[reward]
+function = "reward.py"
+
+[net]
+conv = [[4, 8, 8]]
+dense = 8
+
+[ppo]
+n_iterations = 1
+n_episodes = 2
+n_epochs = 1
+
+[eval]
+episodes = 2
+"""
+
+
+def paying(source, n=2, **kwargs):
+    return RewardFile(RacerVectorEnv(load_track("oval"), n, **kwargs), "reward.py", source)
+
+
+@pytest.fixture
+def mine(home):
+    """A task with a reward function of one's own, in the folder."""
+    (home / "reward.py").write_text(CENTRE)
+    (home / "mine.toml").write_text(CARD)
+    return "mine.toml"
+
+
+def test_it_pays_what_the_function_says(mine):
+    env = read_task(mine).make_env(2)
+    env.reset(seed=[1, 2])
+    for _ in range(4):
+        _, reward, *_, info = env.step(np.full(2, 9))
+        racer = env.unwrapped
+        told = [racer.params(row) for row in range(2)]
+        expected = [max(1e-3, 1 - p["distance_from_center"] * 2 / p["track_width"]) for p in told]
+        np.testing.assert_allclose(reward, expected)
+        np.testing.assert_allclose(info["function"], expected)
+
+
+def test_each_environment_has_a_module_that_outlives_its_episodes():
+    env = paying(COUNTER, max_steps=3)
+    env.reset(seed=1)
+    paid = [env.step(np.full(2, 7))[-1]["function"].tolist() for _ in range(8)]
+    assert paid == [[k, k] for k in (1, 2, 3, 0, 4, 5, 6, 0)]  # a reset's step earns nothing
+
+
+def test_parked_cars_are_not_asked():
+    env = paying(COUNTER, max_steps=2, autoreset_mode=AutoresetMode.DISABLED)
+    env.reset(seed=1)
+    paid = [env.step(np.full(2, 7))[-1]["function"].tolist() for _ in range(4)]
+    assert paid == [[1, 1], [2, 2], [0, 0], [0, 0]]
+
+
+BROKEN = [
+    (
+        "def reward_function(params):\n    return 1 / 0",
+        "reward.py:2: ZeroDivisionError.*at step 1",
+    ),
+    ("def reward_function(params):\n    return params['sped']", "reward.py:2: KeyError: 'sped'"),
+    ("import nothing_of_this_name", "reward.py:1: ModuleNotFoundError: No module named"),
+    ("def reward_function(params)\n    pass", "reward.py:1: SyntaxError: expected ':'"),
+    ("def reward_function(params):\n    exit(3)", "reward.py:2: SystemExit: 3"),
+    ("def reward(params):\n    return 1", r"expected def reward_function\(params\), found none"),
+    (
+        "def reward_function(on_track, x, y):\n    return 1",
+        "one of 3 arguments as before 2019",
+    ),
+    ("def reward_function(params):\n    return None", "within ±100,000 .* found None at step 1"),
+    (
+        "def reward_function(params):\n    return float('nan')",
+        "found nan at step 1 of",
+    ),
+    ("def reward_function(params):\n    return 100001", "found 100001 at step 1"),
+]
+
+
+@pytest.mark.parametrize(("source", "message"), BROKEN, ids=range(len(BROKEN)))
+def test_what_goes_wrong_is_named_with_file_line_and_step(source, message):
+    def drive():
+        env = paying(source)
+        env.reset(seed=1)
+        env.step(np.full(2, 7))
+
+    with pytest.raises(CardError, match=message):
+        drive()
+
+
+def test_the_limit_itself_is_allowed():
+    env = paying("def reward_function(params):\n    return -100000")
+    env.reset(seed=1)
+    assert env.step(np.full(2, 7))[-1]["function"].tolist() == [-1e5, -1e5]
+
+
+def test_it_trains_transfers_from_a_lane_teacher_and_its_teacher_runs_no_code(repaint, mine, home):
+    assert repaint("train-teacher", "--task", mine).code == 0
+    said = repaint("eval", "mine")
+    assert said.code == CardError.exit_code
+    assert "never run from a teacher's file; name the task: --task my-task.toml" in said.err
+    (home / "reward.py").write_text(CENTRE.replace("1e-3", "2e-3"))
+    assert repaint("eval", "mine", "--task", mine).code == 0
+    assert repaint("transfer", "--teacher", "mine", "--task", mine, "--iterations", 2).code == 0
+
+
+def test_a_lane_teacher_fits_a_reward_function(repaint, mine):
+    settings = ["--set", "net.conv=[[32,8,4],[64,4,2],[64,3,1]]", "--set", "net.dense=512"]
+    said = repaint("transfer", "--teacher", "racer-inner", "--task", mine, *settings)
+    assert (said.code, said.err) == (0, "")
+
+
+def test_the_card_refuses_what_cannot_be(repaint, mine, home):
+    (home / "mine.toml").write_text(CARD.replace('"reward.py"', '"none.py"'))
+    assert "cannot read the reward function none.py" in repaint("tasks", "check", mine).err
+    (home / "mine.toml").write_text(CARD.replace("[net]", "lane = 1\n\n[net]"))
+    assert "a reward function stands alone" in repaint("tasks", "check", mine).err
+    (home / "mine.toml").write_text('extends = "reacher"\n[reward]\nfunction = "reward.py"')
+    assert "a reward function needs the racer's params" in repaint("tasks", "check", mine).err
+
+
+def test_two_functions_have_no_cosine(mine, home):
+    one = read_task(mine)
+    assert cosine(one, one) == 1
+    (home / "reward.py").write_text(COUNTER)
+    assert cosine(one, read_task(mine)) is None
