@@ -7,6 +7,7 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
+from repaint_cli.deepracer import read_model_metadata
 from repaint_cli.errors import CardError, NotFound
 from repaint_cli.paths import shipped
 from repaint_cli.tasks import TaskCard
@@ -45,6 +46,7 @@ def _resolve(path: Path) -> dict[str, Any]:
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise CardError(f"{path}: {error}") from error
     code = _reward_code(data, path.parent)
+    _resolve_files(data, path.parent)
     base = data.pop("extends", None)
     if base is None:
         return data | code
@@ -53,6 +55,17 @@ def _resolve(path: Path) -> dict[str, Any]:
         raise NotFound.named("task", str(base), known, "repaint tasks list")
     whole = _merge(_resolve(known[base]), data)
     return whole | code
+
+
+def _resolve_files(data: dict[str, Any], folder: Path) -> None:
+    """Put in place what [env] says about files, which lie beside the card."""
+    env = data.get("env")
+    if not isinstance(env, dict):
+        return
+    if str(env.get("track", "")).endswith(".npy"):
+        env["track"] = str(folder / env["track"])
+    if isinstance(env.get("model_metadata"), str):
+        data["env"] = read_model_metadata(folder / env.pop("model_metadata")) | env
 
 
 def _reward_code(data: dict[str, Any], folder: Path) -> dict[str, Any]:

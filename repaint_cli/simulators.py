@@ -30,6 +30,10 @@ class GymEnv(Settings):
     kwargs: dict[str, bool | int | float | str] = Field(default_factory=dict)
     """Arguments for the environment."""
 
+    @property
+    def actions(self) -> None:
+        """What to choose from: the environment itself says."""
+
     def make(
         self, n_envs: int, one_episode: bool, noise: EvalConfig | None
     ) -> "VectorEnv[Any, Any, Any]":
@@ -77,6 +81,11 @@ class RacerEnv(Settings):
     """A shipped track, by name, or the path of a file of waypoints (`my-track.npy`)."""
     car: Literal["sim4", "sim5", "ideal"] = "sim4"
     """The car's dynamics: two fits to real logs, or a bicycle without lag."""
+    actions: tuple[tuple[float, float], ...] = (
+        (-30, 0.5), (-15, 0.5), (0, 0.5), (15, 0.5), (30, 0.5),
+        (-30, 1), (-15, 1), (0, 1), (15, 1), (30, 1),
+    )  # fmt: skip
+    """Steering (degrees, left is positive, at most ±30) and speed (0.1 to 4 m/s) to choose from."""
     sensors: Literal["camera", "stereo", "stereo+lidar"] = "camera"
     """What the car sees with: one camera, two 6 cm apart, or these and a lidar looking back."""
     n_bots: int = Field(0, ge=0, le=16)
@@ -108,9 +117,9 @@ class RacerEnv(Settings):
                 noise.shift,
             )  # fmt: skip
         return RacerVectorEnv(
-            load_track(self.track), n_envs, car=self.car, sensors=self.sensors, n_bots=self.n_bots,
-            crash=self.crash, range_min=self.range_min, max_steps=self.max_steps,
-            noise=disturbances,
+            load_track(self.track), n_envs, car=self.car, actions=self.actions,
+            sensors=self.sensors, n_bots=self.n_bots, crash=self.crash, range_min=self.range_min,
+            max_steps=self.max_steps, noise=disturbances,
             autoreset_mode=AutoresetMode.DISABLED if one_episode else AutoresetMode.NEXT_STEP,
         )  # fmt: skip
 

@@ -11,6 +11,7 @@ from repaint_cli.envs.racer.car import (
     CAR_PROFILES,
     FRONT_OFFSET,
     STEP_SECONDS,
+    commands_of,
     drive,
 )
 
@@ -26,8 +27,13 @@ def driven(profile, command, seconds, speed=0.0, steering=0.0):
 
 
 def test_there_are_five_angles_at_two_speeds():
-    assert_allclose(np.rad2deg(ACTIONS[:, 0]), [-30, -15, 0, 15, 30] * 2)
-    assert_allclose(ACTIONS[:, 1], [0.5] * 5 + [1.0] * 5)
+    steering, speed = commands_of(ACTIONS).T
+    assert_allclose(np.rad2deg(steering), [-30, -15, 0, 15, 30] * 2)
+    assert_allclose(speed, [0.5] * 5 + [1.0] * 5)
+
+
+def test_commands_stay_within_what_the_car_can():
+    assert_allclose(commands_of([(45, 9), (-45, 0)]), [[np.pi / 6, 4], [-np.pi / 6, 0.1]])
 
 
 @pytest.mark.parametrize("profile", CAR_PROFILES)

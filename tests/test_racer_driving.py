@@ -10,11 +10,13 @@ from repaint_cli.envs.racer.car import (
     CAR_PROFILES,
     FRONT_OFFSET,
     STEP_SECONDS,
+    commands_of,
     drive_rows,
 )
 from repaint_cli.envs.racer.geometry import CENTRE_GAP, INNER_GAP, NDIST, OUTER_GAP, measure
 
 TRACKS = Path(__file__).parents[1] / "tasks" / "racer" / "tracks"
+COMMANDS = commands_of(ACTIONS)
 
 
 class Planner:
@@ -38,14 +40,14 @@ class Planner:
         measure(rows, states, BODY, *rings, fronts, measures)
         ndist = measures[:, NDIST].copy()
         for _ in range(8):
-            drive_rows(rows, states, before, ACTIONS, self.car, STEP_SECONDS)
-            before = ACTIONS
+            drive_rows(rows, states, before, COMMANDS, self.car, STEP_SECONDS)
+            before = COMMANDS
             measure(rows, states, BODY, *rings, fronts, measures)
             lead = self.lane * (measures[:, OUTER_GAP] - measures[:, INNER_GAP])
             scores += (lead > 0.03) - 5.0 * (measures[:, CENTRE_GAP] > 0.28)
         scores += 100 * ((measures[:, NDIST] - ndist + 0.5) % 1 - 0.5)
         best = int(scores.argmax())
-        self.before = ACTIONS[best]
+        self.before = COMMANDS[best]
         return np.array([best])
 
 

@@ -5,6 +5,7 @@ logs of the real DeepRacer simulator. An ideal bicycle with the same wheelbase m
 four to ten times as far.
 """
 
+from collections.abc import Sequence
 from dataclasses import astuple, dataclass
 
 import numpy as np
@@ -27,11 +28,18 @@ REAR_AXLE = 0.0817
 BODY = np.vstack([[FRONT_OFFSET, 0.0], WHEELS])
 """Front point and wheel points in the car's frame, (5, 2), m."""
 BODY.flags.writeable = False
-ACTIONS = np.array(
-    [[np.deg2rad(angle), speed] for speed in (0.5, 1.0) for angle in (-30, -15, 0, 15, 30)]
-)
-"""The commands to choose from, (10, 2): steering (rad, positive to the left) and speed (m/s)."""
-ACTIONS.flags.writeable = False
+ACTIONS = tuple((angle, speed) for speed in (0.5, 1.0) for angle in (-30.0, -15.0, 0.0, 15.0, 30.0))
+"""Steering (degrees, positive to the left) and speed (m/s) to choose from, by default."""
+STEERING_LIMIT, SPEED_LIMITS = 30.0, (0.1, 4.0)
+"""What the real car makes of any command, degrees and m/s."""
+
+
+def commands_of(actions: Sequence[tuple[float, float]]) -> NDArray[np.float64]:
+    """Return actions in degrees and m/s as commands within the car's limits, (A, 2) rad and m/s."""
+    angle, speed = np.array(actions, dtype=np.float64).T
+    steering = np.deg2rad(np.clip(angle, -STEERING_LIMIT, STEERING_LIMIT))
+    return np.stack([steering, np.clip(speed, *SPEED_LIMITS)], axis=1)
+
 
 X, Y, YAW, SPEED, STEERING = range(5)
 """Columns of a state: base position (m), heading (rad), true speed (m/s) and steering (rad)."""

@@ -14,7 +14,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from repaint_cli.envs.racer.car import ACTIONS, CAR_PROFILES, STEP_SECONDS
+from repaint_cli.envs.racer.car import ACTIONS, CAR_PROFILES, STEP_SECONDS, commands_of
 from repaint_cli.envs.racer.fleet import Fleet, Rows
 from repaint_cli.envs.racer.noise import Noise, disturb_command
 from repaint_cli.envs.racer.rules import IN_PROGRESS, TIME_UP
@@ -38,7 +38,7 @@ class RacerVectorEnv(VectorEnv[Any, NDArray[np.int64], Any]):
     two cameras a channel each, left and right; with a lidar Dict(camera, lidar), 64 ranges in m
     over 300° behind the car.
 
-    **Actions** Discrete(10): steering −30, −15, 0, 15, 30° at 0.5 m/s, then the same at 1.0 m/s.
+    **Actions** Discrete(A), by default 10: steering −30, −15, 0, 15, 30° at 0.5 m/s, then 1.0 m/s.
 
     **Reward** the progress of the step, in laps (`dprog`); tasks weigh the terms in the infos.
 
@@ -66,6 +66,7 @@ class RacerVectorEnv(VectorEnv[Any, NDArray[np.int64], Any]):
         num_envs: int,
         *,
         car: str = "sim4",
+        actions: Sequence[tuple[float, float]] = ACTIONS,
         sensors: str = "camera",
         n_bots: int = 0,
         crash: str = "at-fault",
@@ -81,6 +82,7 @@ class RacerVectorEnv(VectorEnv[Any, NDArray[np.int64], Any]):
             track: where they drive.
             num_envs: N.
             car: a name in `CAR_PROFILES`.
+            actions: what to choose from, steering (degrees, left is positive) and speed (m/s).
             sensors: one of `SENSORS`.
             n_bots: other cars on each track.
             crash: whether "any" crash ends an episode, or only one the car is "at-fault" in.
@@ -101,7 +103,8 @@ class RacerVectorEnv(VectorEnv[Any, NDArray[np.int64], Any]):
         self.num_envs = num_envs
         self._sensors = Sensors(track, sensors, range_min, noise, threads)
         self.single_observation_space = self._sensors.space()
-        self.single_action_space = Discrete(len(ACTIONS))
+        self._actions = commands_of(actions)
+        self.single_action_space = Discrete(len(self._actions))
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.track = track
@@ -147,7 +150,7 @@ class RacerVectorEnv(VectorEnv[Any, NDArray[np.int64], Any]):
         """Drive every car for 1/15 s.
 
         Args:
-            actions: rows of `ACTIONS`, (N,); ignored for cars that are parked or due for a reset.
+            actions: which of them, (N,); ignored for cars that are parked or due for a reset.
 
         Returns:
             observations (N, …), rewards (N,), terminations (N,), truncations (N,), infos; all of
@@ -155,11 +158,11 @@ class RacerVectorEnv(VectorEnv[Any, NDArray[np.int64], Any]):
 
         Raises:
             ResetNeeded: there was no reset yet.
-            ValueError: the actions are not N integers from 0 to 9.
+            ValueError: the actions are not N integers from 0 to A − 1.
         """
         if not self._is_reset:
             raise ResetNeeded("expected reset() before the first step()")
-        commands = ACTIONS[_checked_actions(actions, self.num_envs)]
+        commands = self._actions[_checked(actions, self.num_envs, len(self._actions))]
         running = self._fleet.status == IN_PROGRESS
         moving, ended = np.flatnonzero(running), np.flatnonzero(~running)
         if not self._parks:
@@ -229,14 +232,14 @@ def _check_names(**names: tuple[str, Iterable[str]]) -> None:
             raise ValueError(f"unknown {what} '{name}'; choose one of {', '.join(known)}")
 
 
-def _checked_actions(actions: NDArray[np.int64], n: int) -> NDArray[np.int64]:
+def _checked(actions: NDArray[np.int64], n: int, n_actions: int) -> NDArray[np.int64]:
     actions = np.asarray(actions)
     if actions.shape != (n,) or actions.dtype.kind not in "iu":
         raise ValueError(
             f"expected {n} integer actions, found shape {actions.shape} of {actions.dtype}"
         )
-    if actions.min() < 0 or actions.max() >= len(ACTIONS):
-        raise ValueError(f"expected actions from 0 to {len(ACTIONS) - 1}, found {actions}")
+    if actions.min() < 0 or actions.max() >= n_actions:
+        raise ValueError(f"expected actions from 0 to {n_actions - 1}, found {actions}")
     return actions
 
 
