@@ -29,7 +29,7 @@ class Episodes:
     actions: np.ndarray
     """What the environment was told, (T, S, E[, A]); continuous actions within their bounds."""
     records: dict[str, np.ndarray]
-    """The racer's state after each step, (T, S, E), nan after the end; empty elsewhere."""
+    """The racer's state after each step, (T, S, E, …), nan after the end; empty elsewhere."""
     env_seeds: list[int]
     """The environments' seeds, (S · E,), seed by seed."""
     paths: np.ndarray | None
@@ -118,7 +118,9 @@ def evaluate(
     act = policy.policy if isinstance(policy, ActorCritic) else policy
     noise = task.eval.noise == "paper"
     env, obs = start(task, seeds, n_episodes, purpose, iteration, one_episode=True, noise=noise)
-    record = RACER_RECORDS if isinstance(task.env, RacerEnv) else ()
+    record: tuple[str, ...] = ()
+    if isinstance(task.env, RacerEnv):
+        record = (*RACER_RECORDS, "bots") if task.env.n_bots else RACER_RECORDS
     rngs = [generator(seed, purpose, iteration) for seed in seeds]
     rollout = collect(env, obs, act, rngs, greedy=True, record=record)
     rollout = replace(rollout, actions=clip(rollout.actions, env))
@@ -129,7 +131,10 @@ def evaluate(
 
 def _episodes(task: TaskCard, rollout: Rollout, seeds: list[int]) -> Episodes:
     valid = rollout.valid
-    records = {name: np.where(valid, rows, np.nan) for name, rows in rollout.records.items()}
+    records = {
+        name: np.where(valid.reshape(*valid.shape, *[1] * (rows.ndim - 3)), rows, np.nan)
+        for name, rows in rollout.records.items()
+    }
     paths, targets = _paths(task, rollout, records)
     return Episodes(
         returns=(rollout.rewards * valid).sum(0),

@@ -4,6 +4,7 @@ import json
 import re
 import subprocess
 import sys
+from dataclasses import replace
 
 import gymnasium
 import imageio_ffmpeg
@@ -93,7 +94,8 @@ def drive(n_steps=40):
         np.arange(n_steps, dtype=np.uint8)[:, None, None] * 5, (n_steps, 120, 160)
     )
     one = np.ones(n_steps)
-    return Drive(xy, heading, one * 0.7, one * -0.2, turns * 15, one, images)
+    bots = np.tile([[-3.4, 0.0, 1.0]], (n_steps, 1, 1))
+    return Drive(xy, heading, one * 0.7, one * -0.2, turns * 15, one, images, bots)
 
 
 def test_the_films_car_has_its_nose_where_the_simulators_has():
@@ -126,7 +128,17 @@ def test_frames_are_independent_and_the_trail_grows():
 def test_a_drive_of_unequal_lengths_is_refused():
     whole = drive(5)
     with pytest.raises(ValueError, match="speed has 4 steps, xy has 5"):
-        Drive(whole.xy, whole.heading, whole.speed[:4], *[whole.steering] * 3, whole.images)
+        replace(whole, speed=whole.speed[:4])
+
+
+def test_bots_are_on_the_map_beside_the_car():
+    alone = replace(drive(3), bots=np.empty((3, 0, 3)))
+    with_bot, without = (
+        list(racer_frames(**OVAL, drive=one, title="racer")) for one in (drive(3), alone)
+    )
+    changed = np.argwhere((with_bot[0] != without[0]).any(axis=2))
+    assert 50 < len(changed) < 2000
+    assert changed[:, 1].mean() < 0.2 * MAP_WIDTH  # at x = −3.4 m of −3.8 … 3.8
 
 
 class Painter(gymnasium.Env):

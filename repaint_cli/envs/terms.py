@@ -47,6 +47,7 @@ class RewardTerms(VectorWrapper):
             numbers = sorted(
                 key for key, value in info.items()
                 if not key.startswith("_") and getattr(value, "dtype", None) == np.float64
+                and value.ndim == 1
             )  # fmt: skip
             raise CardError(
                 f"the environment reports no reward term '{name}'; its info has: "

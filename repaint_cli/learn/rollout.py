@@ -43,7 +43,7 @@ class Rollout:
     valid: np.ndarray
     """Whether the step counts, (T, S, N)."""
     records: dict[str, np.ndarray] = field(default_factory=dict)
-    """Whatever else was asked for from `info`, each (T, S, N)."""
+    """Whatever else was asked for from `info`, each (T, S, N, …)."""
 
     def episodes(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return (seed, return, length) of every episode that ended here, (episodes,) each."""
@@ -223,7 +223,8 @@ class _Tape:
         self.steps.append(tuple(arrays))
         self.terms.append(info["reward_terms"].reshape(*self.shape, -1))
         for name, rows in self.records.items():
-            rows.append(np.array(info[name], float).reshape(self.shape))
+            told = np.array(info[name], float)
+            rows.append(told.reshape(*self.shape, *told.shape[1:]))
 
     def rollout(self) -> Rollout:
         """Stack what was stored, without keeping a second copy of the images."""

@@ -124,4 +124,5 @@ def _drive(played: Episodes, e: int) -> Drive:
         progress=state["progress"],
         reward=played.rewards[:steps, 0, e],
         images=played.images[0][e],
+        bots=state.get("bots", np.empty((steps, 0, 3))),
     )

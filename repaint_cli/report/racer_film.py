@@ -27,7 +27,7 @@ FINE = 2
 """The map is drawn this many times finer and averaged, so that trail and car have smooth edges."""
 CAR_LENGTH, CAR_WIDTH, NOSE = 0.32, 0.19, 0.14
 """The body, centred on the base point, and the front point ahead of it, m."""
-CAR_COLOUR = "#009E73"
+CAR_COLOUR, BOT_COLOUR = "#009E73", "#666666"
 CAMERA_HEIGHT = 360
 COLUMN = SIDE_WIDTH / 4
 
@@ -53,6 +53,8 @@ class Drive:
     """(T,)."""
     images: NDArray[np.uint8]
     """What the (left) camera sees, grey, (T, H, W); W divides 480 best."""
+    bots: Floats
+    """Other cars' x, y (m) and heading (rad), (T, B, 3)."""
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -83,7 +85,9 @@ def racer_frames(
         trail = [tuple(point) for point in points[max(t - 1, 0) : t + 1]]
         pen.line(trail, colours[t], width=3 * FINE)
         view = road.copy()
-        _draw_car(view, to_pixels(_body(drive.xy[t], float(drive.heading[t]))))
+        for bot in drive.bots[t]:
+            _draw_car(view, to_pixels(_body(bot[:2], float(bot[2]))), BOT_COLOUR)
+        _draw_car(view, to_pixels(_body(drive.xy[t], float(drive.heading[t]))), CAR_COLOUR)
         side = board.copy()
         _draw_numbers(side, drive, t, float(returns[t]))
         frame = np.empty((HEIGHT, MAP_WIDTH + SIDE_WIDTH, 3), np.uint8)
@@ -141,10 +145,10 @@ def _body(xy: Floats, heading: float) -> Floats:
     return np.asarray(xy + own @ np.array([[cos, sin], [-sin, cos]]))
 
 
-def _draw_car(view: Image.Image, body: Floats) -> None:
+def _draw_car(view: Image.Image, body: Floats, colour: str) -> None:
     *corners, nose = [tuple(point) for point in body]
     pen = ImageDraw.Draw(view)
-    pen.polygon(corners, CAR_COLOUR)
+    pen.polygon(corners, colour)
     pen.line([*corners, corners[0]], look.INK, width=FINE)
     pen.circle(nose, 2 * FINE, "white")
 

@@ -53,8 +53,8 @@ class RacerVectorEnv(VectorEnv[Any, NDArray[np.int64], Any]):
     **Infos** arrays (N,) float64, the same keys at every step. Reward terms: `lane`, `keep`,
     `dprog`, `fail`, and with bots `clear`, `hazard`, `camlane`. State: `x`, `y` (front point, m),
     `heading` (rad), `speed` (true, m/s), `steering` (true, rad), `progress` (%), `lap_time` (s) and
-    `status`, an index into `rules.STATUS`. Progress is that of the front point, so it begins a
-    little above 0.
+    `status`, an index into `rules.STATUS`; with bots `bots`, (N, B, 3): x, y and heading of each.
+    Progress is that of the front point, so it begins a little above 0.
 
     **Autoreset** NEXT_STEP starts a new episode in the step after the last, ignoring that action.
     DISABLED parks the car: it keeps its state and last image, earns nothing and costs nothing.

@@ -149,7 +149,10 @@ class Fleet:
         return {name: term * drove for name, term in terms.items()}
 
     def report(self) -> dict[str, Any]:
-        """Tell where the cars are and how they do, by name, each (N,) in new arrays."""
+        """Tell where the cars are and how they do, by name, each (N,) in new arrays.
+
+        With bots also their x, y (m) and heading (rad) as "bots", (N, B, 3).
+        """
         return {
             "x": self._fronts[:, 0].copy(),
             "y": self._fronts[:, 1].copy(),
@@ -159,7 +162,7 @@ class Fleet:
             "progress": self._progress.copy(),
             "lap_time": self._counters.steps * STEP_SECONDS,
             "status": self.status.astype(np.float64),
-        }
+        } | ({"bots": self.bots.poses[..., :SIDE].copy()} if self.bots else {})
 
     def params(self, row: int) -> dict[str, Any]:
         """Return what DeepRacer would tell a reward function about one car now."""
