@@ -32,12 +32,22 @@ def corners_of(x: float, y: float, yaw: float, out: np.ndarray) -> None:
 
 
 @kernel
-def body_holds(x: float, y: float, yaw: float, px: float, py: float) -> bool:
-    """Tell whether a body at (x, y) with a heading holds the point (px, py)."""
-    cos, sin = np.cos(yaw), np.sin(yaw)
-    ahead = (px - x) * cos + (py - y) * sin
-    left = (py - y) * cos - (px - x) * sin
-    return bool(abs(ahead) <= BODY_LENGTH / 2.0 and abs(left) <= BODY_WIDTH / 2.0)
+def body_touches(box: np.ndarray, corners: np.ndarray) -> bool:
+    """Tell whether a body, x, y (m) and heading (rad) first, holds one of another's corners."""
+    cos, sin = np.cos(box[2]), np.sin(box[2])
+    for k in range(4):
+        dx, dy = corners[k, 0] - box[0], corners[k, 1] - box[1]
+        ahead, left = dx * cos + dy * sin, dy * cos - dx * sin
+        if abs(ahead) <= BODY_LENGTH / 2.0 and abs(left) <= BODY_WIDTH / 2.0:
+            return True
+    return False
+
+
+@kernel
+def off_bow(state: np.ndarray, box: np.ndarray) -> float:
+    """Return by how much the direction to a box differs from a car's heading, rad, at least 0."""
+    bearing = np.arctan2(box[1] - state[1], box[0] - state[0]) - state[2]
+    return float(abs(np.arctan2(np.sin(bearing), np.cos(bearing))))
 
 
 @kernel
@@ -58,6 +68,16 @@ def in_view(state: np.ndarray, lens: np.ndarray, px: float, py: float) -> bool:
     down = height * np.cos(pitch) - x * np.sin(pitch)
     within = abs(y) <= depth * half_width and abs(down) <= depth * half_height
     return bool(NEAR <= depth <= FAR and within)
+
+
+@kernel
+def body_in_view(state: np.ndarray, lens: np.ndarray, box: np.ndarray, corners: np.ndarray) -> bool:
+    """Tell whether the middle or a corner of a body is in a car's picture; fills `corners`."""
+    corners_of(box[0], box[1], box[2], corners)
+    seen = in_view(state, lens, box[0], box[1])
+    for k in range(4):
+        seen = seen or in_view(state, lens, corners[k, 0], corners[k, 1])
+    return bool(seen)
 
 
 @kernel
@@ -88,38 +108,24 @@ def meet(
         out: filled with the distance to the nearest bot (m), the number of hazards, the number of
             bots hit, whether the car is at fault, which bot is next and whether it is seen, (N, 6).
     """
-    mine, theirs = np.empty((4, 2)), np.empty((4, 2))
+    corners, ahead = np.empty((4, 2)), np.empty(poses.shape[1])
     for row in rows:
-        x, y, yaw = states[row, 0], states[row, 1], states[row, 2]
-        corners_of(x, y, yaw, mine)
-        nearest, least_ahead = np.inf, np.inf
-        hazards, hit, at_fault, ahead_of_all = 0, 0, False, 0
+        state, found = states[row], out[row]
+        found[DISTANCE], found[HAZARDS], found[HIT], found[AT_FAULT] = np.inf, 0, 0, 0
         for bot in range(poses.shape[1]):
-            bx, by, byaw = poses[row, bot, 0], poses[row, bot, 1], poses[row, bot, 2]
-            gap = np.hypot(bx - x, by - y)
-            nearest = min(nearest, gap)
-            bearing = np.arctan2(by - y, bx - x) - yaw
-            off_bow = abs(np.arctan2(np.sin(bearing), np.cos(bearing)))
-            if gap < HAZARD and off_bow < HAZARD_ANGLE:
-                hazards += 1
-            ahead = (bots_along[row, bot] - along[row]) % length
-            if ahead < least_ahead:
-                least_ahead, ahead_of_all = ahead, bot
-            touching = False
-            for k in range(4):
-                if body_holds(bx, by, byaw, mine[k, 0], mine[k, 1]):
-                    touching = True
-            if touching:
-                hit += 1
-                at_fault = at_fault or ahead < length / 2.0
-        nx, ny, nyaw = (
-            poses[row, ahead_of_all, 0],
-            poses[row, ahead_of_all, 1],
-            poses[row, ahead_of_all, 2],
+            box = poses[row, bot]
+            ahead[bot] = (bots_along[row, bot] - along[row]) % length
+            gap = np.hypot(box[0] - state[0], box[1] - state[1])
+            found[DISTANCE] = min(found[DISTANCE], gap)
+            if gap < HAZARD and off_bow(state, box) < HAZARD_ANGLE:
+                found[HAZARDS] += 1
+            corners_of(state[0], state[1], state[2], corners)
+            if body_touches(box, corners):
+                found[HIT] += 1
+                if ahead[bot] < length / 2.0:
+                    found[AT_FAULT] = 1
+        nearest = np.argmin(ahead)
+        found[NEXT], found[NEXT_SEEN] = (
+            nearest,
+            body_in_view(state, lens, poses[row, nearest], corners),
         )
-        corners_of(nx, ny, nyaw, theirs)
-        seen = in_view(states[row], lens, nx, ny)
-        for k in range(4):
-            seen = seen or in_view(states[row], lens, theirs[k, 0], theirs[k, 1])
-        out[row, DISTANCE], out[row, HAZARDS], out[row, HIT] = nearest, hazards, hit
-        out[row, AT_FAULT], out[row, NEXT], out[row, NEXT_SEEN] = at_fault, ahead_of_all, seen
