@@ -104,7 +104,7 @@ class RacerEnv(Settings):
 
         Raises:
             NotFound: there is no such track.
-            CardError: the track's file holds none.
+            CardError: the track's file holds none, or the racer refuses a setting.
         """
         from gymnasium.vector import AutoresetMode
 
@@ -116,12 +116,15 @@ class RacerEnv(Settings):
                 noise.action_noise, noise.brightness_noise, noise.pixel_noise, noise.salt_pepper,
                 noise.shift,
             )  # fmt: skip
-        return RacerVectorEnv(
-            load_track(self.track), n_envs, car=self.car, actions=self.actions,
-            sensors=self.sensors, n_bots=self.n_bots, crash=self.crash, range_min=self.range_min,
-            max_steps=self.max_steps, noise=disturbances,
-            autoreset_mode=AutoresetMode.DISABLED if one_episode else AutoresetMode.NEXT_STEP,
-        )  # fmt: skip
+        try:
+            return RacerVectorEnv(
+                load_track(self.track), n_envs, car=self.car, actions=self.actions,
+                sensors=self.sensors, n_bots=self.n_bots, crash=self.crash,
+                range_min=self.range_min, max_steps=self.max_steps, noise=disturbances,
+                autoreset_mode=AutoresetMode.DISABLED if one_episode else AutoresetMode.NEXT_STEP,
+            )  # fmt: skip
+        except ValueError as error:
+            raise CardError(f"[env]: {error}") from error
 
     def start_options(
         self, n_seeds: int, n_envs: int, iteration: int | None, both_directions: bool

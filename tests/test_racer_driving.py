@@ -36,19 +36,42 @@ class Planner:
         before, rows = np.tile(self.before, (10, 1)), np.arange(10)
         fronts, measures, scores = np.zeros((10, 2)), np.zeros((10, 6)), np.zeros(10)
         track = self.track
-        rings = (track.centre, track.distances, track.inner, track.outer)
-        measure(rows, states, BODY, *rings, fronts, measures)
+        lines = (*track.lines, *track.outline)
+        measure(rows, states, BODY, *lines, fronts, measures)
         ndist = measures[:, NDIST].copy()
         for _ in range(8):
             drive_rows(rows, states, before, COMMANDS, self.car, STEP_SECONDS)
             before = COMMANDS
-            measure(rows, states, BODY, *rings, fronts, measures)
+            measure(rows, states, BODY, *lines, fronts, measures)
             lead = self.lane * (measures[:, OUTER_GAP] - measures[:, INNER_GAP])
             scores += (lead > 0.03) - 5.0 * (measures[:, CENTRE_GAP] > 0.28)
         scores += 100 * ((measures[:, NDIST] - ndist + 0.5) % 1 - 0.5)
         best = int(scores.argmax())
         self.before = COMMANDS[best]
         return np.array([best])
+
+
+@pytest.mark.parametrize("reverse", [False, True])
+def test_an_open_track_is_driven_from_end_to_end(reverse):
+    x = np.linspace(0, 8, 60)
+    line = np.stack([x, 0.4 * np.sin(x)], axis=1)
+    up = np.array([0, 0.5])
+    rows = np.hstack([line, line + up, line - up])
+    track = Track.from_waypoints(rows, "lane")
+    env = RacerVectorEnv(track, 1)
+    places = {"lap_fraction": np.full(1, 0.3), "reverse": np.array([reverse])}
+    _, infos = env.reset(options=places)  # an open track is always driven from its beginning
+    assert infos["x"][0] == pytest.approx(8 - 0.14 if reverse else 0.14, abs=0.05)
+    planner, terminated = Planner(track.reversed() if reverse else track, 1), [False]
+    progress = []
+    while not terminated[0]:
+        _, _, terminated, truncated, infos = env.step(planner(infos))
+        progress.append(infos["progress"][0])
+        assert not truncated[0]
+    assert STATUS[int(infos["status"][0])] == "lap_complete"
+    assert progress[0] < 5
+    assert progress[-1] == 100
+    assert infos["dprog"][0] > 0
 
 
 @pytest.mark.parametrize("lane", [1, -1])

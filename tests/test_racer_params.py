@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 
 from repaint_cli.envs.racer import RacerVectorEnv, Track
 from repaint_cli.envs.racer.params import closest_waypoints
-from repaint_cli.envs.racer.reference import ring_project
+from repaint_cli.envs.racer.reference import line_project
 
 ROOT = Path(__file__).parents[1]
 REAL = ROOT.parent / "shared" / "data" / "deepracer"
@@ -103,7 +103,7 @@ def test_a_moved_list_does_not_come_back():
 def test_bots_are_told_by_place_side_and_order():
     env, params = driven(steps=60, action=2)
     bots, track = env._fleet.bots, load("wide-loop")
-    near, _ = ring_project(track.centre, bots.poses[0, :, :2])
+    near, _ = line_project(track.centre, bots.poses[0, :, :2])
     assert_allclose(
         params["objects_distance_from_center"],
         np.hypot(*(near - bots.poses[0, :, :2]).T), atol=0.02,
@@ -132,7 +132,7 @@ def test_the_closest_waypoint_is_that_of_real_logs(kind):
     with (REAL / "logs" / f"drfc1-{kind}-iteration.csv").open() as file:
         rows = list(csv.DictReader(file))
     front = np.array([[float(row["X"]), float(row["Y"])] for row in rows])
-    _, where = ring_project(track.centre, front)
+    _, where = line_project(track.centre, front)
     along = np.interp(where, np.arange(len(track.distances)), track.distances)
     wrong = 0
     for place, distance, row in zip(front, along, rows, strict=True):

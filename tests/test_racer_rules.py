@@ -93,8 +93,7 @@ def test_where_a_car_stands_agrees_with_the_reference(clockwise):
     states[:200, :2] = road.pose_at(rng.random(200))[0] + rng.normal(0, 0.3, (200, 2))
     states[:, 2] = rng.uniform(-np.pi, np.pi, 400)
     fronts, measures = np.zeros((400, 2)), np.zeros((400, 6))
-    rings = (road.centre, road.distances, road.inner, road.outer)
-    measure(np.arange(400), states, BODY, *rings, fronts, measures)
+    measure(np.arange(400), states, BODY, *road.lines, *road.outline, fronts, measures)
     assert_allclose(measures, reference.locate(road, states), rtol=0, atol=1e-9)
 
 

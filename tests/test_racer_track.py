@@ -19,6 +19,14 @@ def box_rows(centre=1.0, inner=0.5, outer=1.5):
     return np.hstack([middle + scale * (BOX - middle) for scale in (centre, inner, outer)])
 
 
+def open_rows(width=1.0, bend=0.5, n=6):
+    """A road eastwards, its inner border in the north."""
+    x = np.linspace(0, 6, n)
+    line = np.stack([x, bend * np.sin(x)], axis=1)
+    up = np.array([0, width / 2])
+    return np.hstack([line, line + up, line - up])
+
+
 def load(path):
     return Track.from_waypoints(np.load(path), path.stem)
 
@@ -82,13 +90,15 @@ def crossing():
         (np.full((5, 6), "a"), "expected finite numbers"),
         (np.zeros((0, 6)), "expected at least 4 different rows .* found 0 rows"),
         (box_rows()[[0, 1, 2, 0]], "expected at least 4 different rows .* found 4 rows"),
-        (np.vstack([box_rows()[:-1], box_rows()[:1] + 0.1]), r"found them 0\.1 m apart"),
+        (np.vstack([box_rows()[:-1], box_rows()[:1] + 0.1]), r"found them 0\.1 m apart; append"),
         (crossing(), "the outer border must not cross itself"),
         (box_rows(centre=0.0), "the centre line must enclose an area"),
         (box_rows(inner=1.5, outer=0.5), "inner border must lie inside the outer"),
+        (open_rows()[:, [2, 3, 0, 1, 4, 5]], "the centre line must lie between the borders"),
+        (open_rows()[[0, 2, 1, 3, 4, 5]], "the line around the road must not cross itself"),
     ],
 )
-def test_what_is_no_closed_road_is_refused_in_a_sentence(rows, message):
+def test_what_is_no_road_is_refused_in_a_sentence(rows, message):
     with pytest.raises(ValueError, match="track 'mine'.*" + message):
         Track.from_waypoints(rows, "mine")
 
@@ -125,11 +135,8 @@ def test_real_tracks_load_whichever_way_they_run():
     lengths = {"reinvent_base": 17.709, "Albert": 51.389, "reInvent2019_track": 23.118}
     ccw = {}
     for path in sorted(REAL.glob("*.npy")):
-        if path.stem == "Straight_track":
-            with pytest.raises(ValueError, match="open tracks cannot be lapped"):
-                load(path)
-            continue
         track = load(path)
+        assert track.closed == (path.stem != "Straight_track")
         ccw[path.stem] = track.ccw
         assert track.length == pytest.approx(lengths.get(path.stem, track.length), abs=1e-3)
     assert ccw["reinvent_base"]
@@ -143,8 +150,8 @@ def test_projection_and_inside_agree_with_the_reference(track, seed):
     low, high = track.outer.min(axis=0) - 1, track.outer.max(axis=0) + 1
     points = rng.uniform(low, high, size=(20, 2))
     for ring in (track.centre, track.inner, track.outer):
-        near, where = reference.ring_project(ring, points)
-        ours = np.array([geometry.ring_project(ring, x, y) for x, y in points])
+        near, where = reference.line_project(ring, points)
+        ours = np.array([geometry.line_project(ring, x, y) for x, y in points])
         assert_allclose(ours[:, :2], near, atol=1e-9)
         assert_allclose(ours[:, 2], where, atol=1e-7)
         inside = [geometry.ring_holds(ring, x, y) for x, y in points]
@@ -153,11 +160,11 @@ def test_projection_and_inside_agree_with_the_reference(track, seed):
 
 def test_projection_survives_a_border_that_holds_a_point_twice():
     ring = np.insert(BOX, 2, BOX[2], axis=0)
-    assert geometry.ring_project(ring, 5.0, 1.0)[:2] == (4.0, 1.0)
+    assert geometry.line_project(ring, 5.0, 1.0)[:2] == (4.0, 1.0)
 
 
 def test_projection_tie_goes_to_the_earlier_segment():
-    assert geometry.ring_project(BOX, 2.0, 1.5) == (2.0, 0.0, 0.5)
+    assert geometry.line_project(BOX, 2.0, 1.5) == (2.0, 0.0, 0.5)
 
 
 def test_a_reversed_track_is_the_same_road_the_other_way(track):
@@ -170,3 +177,36 @@ def test_a_reversed_track_is_the_same_road_the_other_way(track):
     assert turned.ccw != track.ccw
     assert turned.length == track.length
     assert turned.reversed() == track
+
+
+def test_an_open_track_begins_and_ends_and_lies_between_its_borders():
+    road = Track.from_waypoints(open_rows(bend=0), "lane")
+    assert not road.closed
+    assert (road.length, road.width) == (6, 1)
+    assert road.ccw  # the inner border is on the left
+    points, headings = road.pose_at(np.array([0.0, 0.5, 1.0, 1.5]))
+    assert_allclose(points, [[0, 0], [3, 0], [6, 0], [6, 0]])
+    assert_allclose(headings, 0)
+    edge, hole = road.outline
+    inside = [(3, 0), (0.1, 0.4), (5.9, -0.4)]
+    outside = [(3, 0.6), (-0.1, 0), (6.1, 0), (3, -0.6)]
+    assert all(geometry.ring_holds(edge, *point) for point in inside)
+    assert not any(geometry.ring_holds(edge, *point) for point in outside)
+    assert not any(geometry.ring_holds(hole, *point) for point in inside + outside)
+
+
+def test_an_open_track_the_other_way_is_the_same_road():
+    road = Track.from_waypoints(open_rows(), "lane")
+    back = road.reversed()
+    assert not back.closed
+    assert not back.ccw
+    assert_allclose(back.pose_at(np.array(0.25))[0], road.pose_at(np.array(0.75))[0])
+    assert back.reversed() == road
+
+
+def test_the_tightest_radius_of_an_open_arc_is_its_own():
+    angles = np.linspace(0, np.pi / 2, 400)
+    ring = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    arc = Track.from_waypoints(np.hstack([2 * ring, 1.6 * ring, 2.4 * ring]), "arc")
+    assert arc.tightest_radius == pytest.approx(2, rel=0.01)
+    assert arc.ccw

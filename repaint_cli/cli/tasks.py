@@ -83,10 +83,12 @@ def check_track(file: str) -> None:
     from repaint_cli.simulators import load_track
 
     track = load_track(file)
+    radius = track.tightest_radius
     way = "counter-clockwise" if track.ccw else "clockwise"
     facts = (
-        f"{track.length:.2f} m long, {track.width:.3f} m wide, driven {way}, "
-        f"tightest radius {track.tightest_radius:.2f} m"
+        f"{track.length:.2f} m long, {track.width:.3f} m wide, "
+        f"{f'driven {way}' if track.closed else 'open'}, "
+        f"{f'tightest radius {radius:.2f} m' if radius < 100 else 'straight'}"
     )
     print(f"{track.name} is sound: {facts}")
     picture = Path(f"{track.name}.png")

@@ -11,7 +11,7 @@ INNER_LANE, OUTER_LANE, BORDER, DASHES = "#cfcfcf", "#dedede", "#333333", "#ffff
 
 
 def draw_road(axes: Axes, inner: Floats, outer: Floats, centre: Floats) -> None:
-    """Draw a closed road.
+    """Draw a road; lines whose last corner is their first are closed.
 
     Args:
         axes: where to.
@@ -22,8 +22,8 @@ def draw_road(axes: Axes, inner: Floats, outer: Floats, centre: Floats) -> None:
     axes.add_patch(PathPatch(_between(centre, outer), facecolor=OUTER_LANE, linewidth=0, zorder=1))
     axes.add_patch(PathPatch(_between(inner, centre), facecolor=INNER_LANE, linewidth=0, zorder=1))
     for border in (inner, outer):
-        axes.plot(*closed(border).T, color=BORDER, linewidth=0.9, zorder=2)
-    axes.plot(*closed(centre).T, color=DASHES, linewidth=1.2, linestyle=(0, (4, 3)), zorder=2)
+        axes.plot(*border.T, color=BORDER, linewidth=0.9, zorder=2)
+    axes.plot(*centre.T, color=DASHES, linewidth=1.2, linestyle=(0, (4, 3)), zorder=2)
 
 
 def lane_patches() -> list[Patch]:
@@ -32,14 +32,11 @@ def lane_patches() -> list[Patch]:
     return [Patch(color=colour, label=name) for name, colour in lanes.items()]
 
 
-def closed(ring: Floats) -> Floats:
-    """Return a ring (M, 2) whose last corner is its first."""
-    return ring if np.array_equal(ring[0], ring[-1]) else np.vstack([ring, ring[:1]])
-
-
 def _between(hole: Floats, edge: Floats) -> Outline:
-    """Return the outline of what lies inside `edge` and outside `hole`."""
-    rings = [_winding(closed(edge), 1), _winding(closed(hole), -1)]
+    """Return the outline of what lies between two lines (M, 2), the first inside the second."""
+    if not np.array_equal(edge[0], edge[-1]):  # an open road: there along one, back along the other
+        return Outline(np.vstack([edge, hole[::-1], edge[:1]]))
+    rings = [_winding(edge, 1), _winding(hole, -1)]
     codes = [Outline.MOVETO, Outline.LINETO]
     return Outline(
         np.vstack(rings), np.concatenate([np.repeat(codes, [1, len(ring) - 1]) for ring in rings])

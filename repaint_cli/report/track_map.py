@@ -23,7 +23,8 @@ def plot_track(track: Track, path: Path, facts: str) -> None:
     Raises:
         StoreError: the file cannot be written.
     """
-    low, high = track.outer.min(0) - 0.3, track.outer.max(0) + 0.3
+    edge, _ = track.outline
+    low, high = edge.min(0) - 0.3, edge.max(0) + 0.3
     width, height = high - low
     figure = look.new_figure(WIDTH, 1.2 + (WIDTH - 1) * float(np.clip(height / width, 0.3, 1.6)))
     look.headline(figure, track.name)

@@ -78,7 +78,7 @@ def plot_racer(
     Raises:
         StoreError: the file cannot be written.
     """
-    points = np.concatenate([outer, *(paths.xy.reshape(-1, 2) for paths in panels)])
+    points = np.concatenate([inner, outer, *(paths.xy.reshape(-1, 2) for paths in panels)])
     low, high = np.nanmin(points, axis=0) - 0.2, np.nanmax(points, axis=0) + 0.2
     width, height = high - low
     figure, grid = _grid(len(panels), float(np.clip(height / width, 0.4, 1.4)), title)

@@ -69,7 +69,7 @@ class Bots:
     def drive(self, road: Track, rows: NDArray[np.int64], seconds: float) -> None:
         """Move the bots of these cars (K,) along a road."""
         drive_bots(
-            rows, seconds, *road.rings, self.along, self._goals, self._changed, self._waits,
+            rows, seconds, *road.lines, self.along, self._goals, self._changed, self._waits,
             self._waiting, self._turns, self._paused, self.poses,
         )  # fmt: skip
 
@@ -84,7 +84,7 @@ class Bots:
             apart = np.minimum(apart, road.length - apart)
             nearest = apart.argmin()
             side = -self._goals[row, nearest] if apart[nearest] < START_ROOM else 0.0
-            points[k] = lane_point(*road.rings, along[k], side)
+            points[k] = lane_point(*road.lines, along[k], side)
         return points
 
     def pause(self, rows: NDArray[np.int64]) -> None:

@@ -53,7 +53,12 @@ class Fleet:
             max_steps: time limit of an episode, steps.
             n_bots: B, bots per car.
             crash: whether "any" crash ends an episode, or only one that the car is "at-fault" in.
+
+        Raises:
+            ValueError: there are bots on an open track, where they would have nowhere to go.
         """
+        if n_bots and not track.closed:
+            raise ValueError(f"expected a closed track for bots, found '{track.name}', an open one")
         self.track = track
         self.bots = Bots(n, n_bots) if n_bots else None
         self._roads = (track, track.reversed())
@@ -83,7 +88,8 @@ class Fleet:
     ) -> None:
         """Put cars at rest on the centre line, heading along it, and their bots on the road.
 
-        Where a bot is within a metre, the car starts in the lane that the bot is not in.
+        Where a bot is within a metre, the car starts in the lane that the bot is not in. An open
+        track is always driven from its beginning.
 
         Args:
             rows: which cars, (K,).
@@ -91,6 +97,8 @@ class Fleet:
             reverse: who would drive the track the other way, (N,).
             rngs: everyone's own generator, which places the bots, (N,).
         """
+        if not self.track.closed:
+            lap_fractions = np.zeros(len(lap_fractions))
         self._starts[rows] = lap_fractions[rows]
         self._reverse[rows] = reverse[rows]
         self.states[rows] = 0.0
@@ -212,6 +220,8 @@ class Fleet:
     def _measure(self, rows: Rows, progress_before: Floats) -> None:
         """Find out where these cars (K,) stand on the track now."""
         for road, own in self._by_road(rows):
-            measure(own, self.states, BODY, *road.rings, self._fronts, self._measures)
+            measure(
+                own, self.states, BODY, *road.lines, *road.outline, self._fronts, self._measures
+            )
         ndist = self._measures[rows, NDIST]
         self._progress[rows] = progress_since(ndist, self._starts[rows], progress_before)

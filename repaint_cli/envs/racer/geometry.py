@@ -1,6 +1,7 @@
-"""Questions about closed polylines, compiled, and where a car stands between them. Metres.
+"""Questions about polylines, compiled, and where a car stands between them. Metres.
 
-A ring is (M, 2), its last row repeating its first. `reference.py` holds the plain numpy twins.
+A line is (M, 2); a ring is a line whose last row repeats its first.
+`reference.py` holds the plain numpy twins.
 """
 
 import numpy as np
@@ -12,17 +13,17 @@ NDIST, CENTRE_GAP, INNER_GAP, OUTER_GAP, ROAD_WIDTH, WHEELS_ON = range(6)
 
 
 @kernel
-def ring_project(ring: np.ndarray, x: float, y: float) -> tuple[float, float, float]:
-    """Find the ring's point nearest to (x, y); ties go to the earlier segment.
+def line_project(line: np.ndarray, x: float, y: float) -> tuple[float, float, float]:
+    """Find the line's point nearest to (x, y); ties go to the earlier segment.
 
     Returns:
         the point's x and y, and its position i + share: `share` of the way along segment i.
     """
     best = np.inf
-    near_x, near_y, where = ring[0, 0], ring[0, 1], 0.0
-    for i in range(len(ring) - 1):
-        ax, ay = ring[i, 0], ring[i, 1]
-        dx, dy = ring[i + 1, 0] - ax, ring[i + 1, 1] - ay
+    near_x, near_y, where = line[0, 0], line[0, 1], 0.0
+    for i in range(len(line) - 1):
+        ax, ay = line[i, 0], line[i, 1]
+        dx, dy = line[i + 1, 0] - ax, line[i + 1, 1] - ay
         squared = dx * dx + dy * dy
         share = 0.0
         if squared > 0.0:  # a border may hold a point twice at a sharp bend
@@ -46,13 +47,13 @@ def ring_holds(ring: np.ndarray, x: float, y: float) -> bool:
 
 
 @kernel
-def ring_crosses_itself(ring: np.ndarray) -> bool:
-    """Tell whether two segments of the ring properly cross each other."""
-    m = len(ring) - 1
+def crosses_itself(line: np.ndarray) -> bool:
+    """Tell whether two segments of a line properly cross each other."""
+    m = len(line) - 1
     for i in range(m):
-        ax, ay, bx, by = ring[i, 0], ring[i, 1], ring[i + 1, 0], ring[i + 1, 1]
+        ax, ay, bx, by = line[i, 0], line[i, 1], line[i + 1, 0], line[i + 1, 1]
         for j in range(i + 2, m):
-            cx, cy, dx, dy = ring[j, 0], ring[j, 1], ring[j + 1, 0], ring[j + 1, 1]
+            cx, cy, dx, dy = line[j, 0], line[j, 1], line[j + 1, 0], line[j + 1, 1]
             c_side = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
             d_side = (bx - ax) * (dy - ay) - (by - ay) * (dx - ax)
             a_side = (dx - cx) * (ay - cy) - (dy - cy) * (ax - cx)
@@ -68,6 +69,8 @@ def locate(
     distances: np.ndarray,
     inner: np.ndarray,
     outer: np.ndarray,
+    edge: np.ndarray,
+    hole: np.ndarray,
     front: np.ndarray,
     wheels: np.ndarray,
     out: np.ndarray,
@@ -83,17 +86,19 @@ def locate(
         distances: arclength at each centre point, (M,), m.
         inner: inner border, (M, 2), m.
         outer: outer border, (M, 2), m.
+        edge: ring around the road, (M, 2), m.
+        hole: ring around what is inside of it but not road, (M, 2), m.
         front: the car's front point, (2,), m.
         wheels: its wheel points, (4, 2), m.
         out: filled with lap fraction, distances to centre line, inner and outer border (m), road
             width (m) and the number of wheels on the road, (6,).
     """
     x, y = front[0], front[1]
-    cx, cy, where = ring_project(centre, x, y)
+    cx, cy, where = line_project(centre, x, y)
     i = min(int(where), len(centre) - 2)
     along = distances[i] + (where - i) * (distances[i + 1] - distances[i])
-    ix, iy, _ = ring_project(inner, cx, cy)
-    ox, oy, _ = ring_project(outer, cx, cy)
+    ix, iy, _ = line_project(inner, cx, cy)
+    ox, oy, _ = line_project(outer, cx, cy)
     out[NDIST] = along / distances[-1]
     out[CENTRE_GAP] = np.sqrt((cx - x) ** 2 + (cy - y) ** 2)
     out[INNER_GAP] = np.sqrt((ix - x) ** 2 + (iy - y) ** 2)
@@ -102,7 +107,7 @@ def locate(
     on = 0
     for k in range(len(wheels)):
         wx, wy = wheels[k, 0], wheels[k, 1]
-        if ring_holds(outer, wx, wy) and not ring_holds(inner, wx, wy):
+        if ring_holds(edge, wx, wy) and not ring_holds(hole, wx, wy):
             on += 1
     out[WHEELS_ON] = on
 
@@ -116,6 +121,8 @@ def measure(
     distances: np.ndarray,
     inner: np.ndarray,
     outer: np.ndarray,
+    edge: np.ndarray,
+    hole: np.ndarray,
     fronts: np.ndarray,
     measures: np.ndarray,
 ) -> None:
@@ -125,10 +132,12 @@ def measure(
         rows: which cars, (K,).
         states: base x, y (m) and heading (rad) first, (N, ≥3).
         body: front point and wheel points in the car's frame, (5, 2), m.
-        centre: as in `locate`, like the next three.
+        centre: as in `locate`, like the next five.
         distances: arclength.
         inner: inner border.
         outer: outer border.
+        edge: around the road.
+        hole: inside of it.
         fronts: filled with the front points, (N, 2), m.
         measures: filled with what `locate` tells, (N, 6).
     """
@@ -139,4 +148,4 @@ def measure(
             points[k, 0] = states[row, 0] + body[k, 0] * cos - body[k, 1] * sin
             points[k, 1] = states[row, 1] + body[k, 0] * sin + body[k, 1] * cos
         fronts[row] = points[0]
-        locate(centre, distances, inner, outer, points[0], points[1:], measures[row])
+        locate(centre, distances, inner, outer, edge, hole, points[0], points[1:], measures[row])

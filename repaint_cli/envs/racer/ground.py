@@ -45,8 +45,8 @@ class Ground:
 @lru_cache(maxsize=8)
 def ground_of(track: Track) -> Ground:
     """Paint a track, or return it from the cache: environments of one track share their ground."""
-    low = track.outer.min(axis=0) - FIELD_MARGIN
-    high = track.outer.max(axis=0) + FIELD_MARGIN
+    edge, _ = track.outline
+    low, high = edge.min(axis=0) - FIELD_MARGIN, edge.max(axis=0) + FIELD_MARGIN
     origin = low - _PAD * TEXEL
     coarsest = 2 ** (LEVELS - 1)
     columns, rows = (
@@ -67,11 +67,11 @@ def _paint(track: Track, origin: Floats, rows: int, columns: int) -> NDArray[np.
     centre_gap = np.full((rows, columns), _FAR, dtype=np.float32)
     along = np.zeros((rows, columns), dtype=np.float32)
     reach = LINE_WIDTH + 2 * TEXEL
-    for ring in (track.inner, track.outer):
-        _near_ring(ring, np.zeros(len(ring)), origin, reach, border_gap, along)
-    _near_ring(track.centre, track.distances, origin, reach, centre_gap, along)
+    for border in (track.inner, track.outer):
+        _near_line(border, np.zeros(len(border)), origin, reach, border_gap, along)
+    _near_line(track.centre, track.distances, origin, reach, centre_gap, along)
     on_road = np.zeros((rows, columns), dtype=np.bool_)
-    for ring in (track.outer, track.inner):  # even-odd: the second removes the infield
+    for ring in track.outline:  # even-odd: the second removes the infield
         _flip_inside(ring, origin, on_road)
     picture = np.empty((rows, columns), dtype=np.uint8)
     _mix(border_gap, centre_gap, along, on_road, picture)
@@ -79,19 +79,19 @@ def _paint(track: Track, origin: Floats, rows: int, columns: int) -> NDArray[np.
 
 
 @kernel
-def _near_ring(
-    ring: np.ndarray,
+def _near_line(
+    line: np.ndarray,
     distances: np.ndarray,
     origin: np.ndarray,
     reach: float,
     gap: np.ndarray,
     along: np.ndarray,
 ) -> None:
-    """Lower `gap` to each texel's distance from the ring within `reach`; note the arclength."""
+    """Lower `gap` to each texel's distance from the line within `reach`; note the arclength."""
     rows, columns = gap.shape
-    for i in range(len(ring) - 1):
-        ax, ay = ring[i, 0] - origin[0], ring[i, 1] - origin[1]
-        dx, dy = ring[i + 1, 0] - ring[i, 0], ring[i + 1, 1] - ring[i, 1]
+    for i in range(len(line) - 1):
+        ax, ay = line[i, 0] - origin[0], line[i, 1] - origin[1]
+        dx, dy = line[i + 1, 0] - line[i, 0], line[i + 1, 1] - line[i, 1]
         squared = dx * dx + dy * dy
         first_row = max(int((min(ay, ay + dy) - reach) / TEXEL), 0)
         last_row = min(int((max(ay, ay + dy) + reach) / TEXEL) + 1, rows)

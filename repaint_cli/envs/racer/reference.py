@@ -8,9 +8,9 @@ from repaint_cli.envs.racer import boxes, camera, car, ground
 from repaint_cli.envs.racer.track import Floats, Track
 
 
-def ring_project(ring: Floats, points: Floats) -> tuple[Floats, Floats]:
-    """Find the ring's points nearest to points (P, 2), (P, 2), and their positions, (P,)."""
-    start, step = ring[:-1], np.diff(ring, axis=0)  # (M, 2)
+def line_project(line: Floats, points: Floats) -> tuple[Floats, Floats]:
+    """Find the line's points nearest to points (P, 2), (P, 2), and their positions, (P,)."""
+    start, step = line[:-1], np.diff(line, axis=0)  # (M, 2)
     squared = (step**2).sum(axis=1)
     offset = points[:, None] - start  # (P, M, 2)
     share = np.clip((offset * step).sum(axis=2) / np.where(squared > 0, squared, 1), 0, 1)
@@ -28,16 +28,22 @@ def ring_winds(ring: Floats, points: Floats) -> Any:
     return np.abs(np.arctan2(cross, (a * b).sum(axis=2)).sum(axis=1)) > np.pi
 
 
+def _on_road(track: Track, points: Floats) -> Any:
+    """Tell which points (P, 2) are on the road, (P,) bool."""
+    edge, hole = track.outline
+    return ring_winds(edge, points) & ~ring_winds(hole, points)
+
+
 def locate(track: Track, states: Floats) -> Floats:
     """Measure where cars (N, 5) stand, (N, 6), as `geometry.locate` tells it."""
     turn = _rotations(states[:, car.YAW])
     base = states[:, :2]
     front = base + turn @ np.array([car.FRONT_OFFSET, 0.0])
     wheels = (base[:, None] + np.einsum("nij,kj->nki", turn, car.WHEELS)).reshape(-1, 2)
-    on_road = ring_winds(track.outer, wheels) & ~ring_winds(track.inner, wheels)
-    centre, where = ring_project(track.centre, front)
-    inner, _ = ring_project(track.inner, centre)
-    outer, _ = ring_project(track.outer, centre)
+    on_road = _on_road(track, wheels)
+    centre, where = line_project(track.centre, front)
+    inner, _ = line_project(track.inner, centre)
+    outer, _ = line_project(track.outer, centre)
     along = np.interp(where, np.arange(len(track.distances)), track.distances)
     columns = [
         along / track.length,
@@ -92,9 +98,9 @@ def drive(
 
 def luma(track: Track, points: Floats) -> Floats:
     """Return the grey level of ground points (P, 2), (P,)."""
-    on_road = ring_winds(track.outer, points) & ~ring_winds(track.inner, points)
+    on_road = _on_road(track, points)
     gaps = [_gap(ring, points) for ring in (track.inner, track.outer, track.centre)]
-    _, where = ring_project(track.centre, points)
+    _, where = line_project(track.centre, points)
     along = np.interp(where, np.arange(len(track.distances)), track.distances)
     levels = [
         ground.luma(min(a, b), c, s, on)
@@ -183,7 +189,7 @@ def _rotations(yaw: Floats) -> Floats:
 
 
 def _gap(ring: Floats, points: Floats) -> Floats:
-    gaps: Floats = np.linalg.norm(ring_project(ring, points)[0] - points, axis=1)
+    gaps: Floats = np.linalg.norm(line_project(ring, points)[0] - points, axis=1)
     return gaps
 
 

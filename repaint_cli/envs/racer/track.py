@@ -1,14 +1,16 @@
-"""The track: three closed polylines, checked once. Metres and radians.
+"""The track: a centre line and two borders, checked once. Metres and radians.
 
-Knows nothing of files, cars or cameras. A ring is an array (M, 2) whose last row repeats its first.
+Knows nothing of files, cars or cameras. A ring is an array (M, 2) whose last row repeats its first;
+the three lines of a track that is lapped are rings, those of an open one end elsewhere.
 """
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from repaint_cli.envs.racer.geometry import ring_crosses_itself, ring_holds, ring_project
+from repaint_cli.envs.racer.geometry import crosses_itself, line_project, ring_holds
 
 Floats = NDArray[np.float64]
 
@@ -18,7 +20,7 @@ _LEAST_CORNERS = 4
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """A closed road between two borders. Arrays are read-only; equal tracks hash alike."""
+    """A road between two borders. Arrays are read-only; equal tracks hash alike."""
 
     name: str
     """What people call it."""
@@ -35,31 +37,24 @@ class Track:
     width: float
     """Median distance between the borders, m."""
     ccw: bool
-    """Whether the centre line runs counter-clockwise, so that the infield is on the left."""
+    """Whether the inner border is on the left: a lap then runs counter-clockwise."""
+    closed: bool = True
+    """Whether the end is the start; an open track is driven from one end to the other."""
 
     @classmethod
     def from_waypoints(cls, waypoints: np.ndarray, name: str) -> "Track":
         """Build a track from rows of (centre x, y, inner x, y, outer x, y), (N, 6), m.
 
-        The last row must repeat the first. Rows that repeat their predecessor are dropped.
+        The last row of a lap repeats the first; otherwise the track is open. Rows that repeat their
+        predecessor are dropped.
 
         Raises:
-            ValueError: the rows are no closed road; the message says what was wanted and what was
-                found.
+            ValueError: the rows are no road; the message says what was wanted and what was found.
         """
         rows = _checked_rows(waypoints, name)
         centre, inner, outer = (np.ascontiguousarray(rows[:, k : k + 2]) for k in (0, 2, 4))
-        for ring, label in (
-            (centre, "centre line"),
-            (inner, "inner border"),
-            (outer, "outer border"),
-        ):
-            _check_ring(ring, f"track '{name}': the {label}")
-        if not all(ring_holds(outer, x, y) for x, y in inner):
-            raise ValueError(
-                f"track '{name}': the inner border must lie inside the outer one; "
-                "swap columns 3-4 with columns 5-6, or repair the borders"
-            )
+        closed = bool((rows[0] == rows[-1]).all())
+        (_check_lap if closed else _check_lane)(centre, inner, outer, f"track '{name}'")
         steps = np.hypot(*np.diff(centre, axis=0).T)  # (M-1,)
         distances = np.concatenate([[0.0], np.cumsum(steps)])
         for array in (centre, inner, outer, distances):
@@ -72,7 +67,8 @@ class Track:
             distances=distances,
             length=float(distances[-1]),
             width=_median_width(centre, inner, outer),
-            ccw=_signed_area(centre) > 0,
+            ccw=_signed_area(centre if closed else _around(outer, inner)) > 0,
+            closed=closed,
         )
 
     @property
@@ -80,6 +76,8 @@ class Track:
         """Least radius of a circle through a centre point and those 0.3 m before and after, m."""
         reach = 0.3 / self.length
         shares = self.distances[:-1] / self.length
+        if not self.closed:
+            shares = np.clip(shares, reach, 1 - reach)
         a, b, c = (self.pose_at(shares + offset)[0] for offset in (-reach, 0.0, reach))
         (ux, uy), (vx, vy) = (b - a).T, (c - b).T
         sides = np.hypot(ux, uy) * np.hypot(vx, vy) * np.hypot(*(c - a).T)
@@ -87,9 +85,16 @@ class Track:
         return float((sides / twice).min())
 
     @property
-    def rings(self) -> tuple[Floats, Floats, Floats, Floats]:
+    def lines(self) -> tuple[Floats, Floats, Floats, Floats]:
         """Centre line, its arclengths, inner and outer border, as the kernels take them."""
         return self.centre, self.distances, self.inner, self.outer
+
+    @cached_property
+    def outline(self) -> tuple[Floats, Floats]:
+        """The ring around the road, and the ring around what is inside of it but not road."""
+        if self.closed:
+            return self.outer, self.inner
+        return _around(self.outer, self.inner), self.inner[:1]  # one point holds nothing
 
     def reversed(self) -> "Track":
         """Return the same road, driven the other way; its start line stays."""
@@ -107,12 +112,13 @@ class Track:
 
         Args:
             lap_fraction: arclength from the start line over the track's length, any shape S; wraps
-                at 1.
+                at 1 where the track is closed, else ends there.
 
         Returns:
             points on the centre line (*S, 2), m, and the line's heading there, S, rad.
         """
-        along = np.mod(np.asarray(lap_fraction, dtype=np.float64), 1.0) * self.length
+        shares = np.asarray(lap_fraction, dtype=np.float64)
+        along = (np.mod(shares, 1.0) if self.closed else np.clip(shares, 0, 1)) * self.length
         i = np.searchsorted(self.distances, along, side="right") - 1
         i = np.clip(i, 0, len(self.centre) - 2)
         step = self.centre[i + 1] - self.centre[i]  # (*S, 2)
@@ -152,21 +158,51 @@ def _checked_rows(waypoints: np.ndarray, name: str) -> Floats:
             f"track '{name}': expected at least {_LEAST_CORNERS} different rows and the first "
             f"one again, found {len(rows)} rows; add waypoints"
         )
-    gap = np.abs(rows[-1] - rows[0]).max()
-    if gap > _SAME_POINT:
+    ends_apart = np.abs(rows[-1] - rows[0]).max()
+    if ends_apart <= _SAME_POINT:
+        rows[-1] = rows[0]
+        return rows
+    spacing = float(np.median(np.hypot(*np.diff(rows[:, :2], axis=0).T)))
+    if np.hypot(*(rows[-1] - rows[0])[:2]) <= 2 * spacing:
         raise ValueError(
-            f"track '{name}': expected the last row to repeat the first, found them {gap:.3g} m "
-            "apart; open tracks cannot be lapped: close it"
+            f"track '{name}': expected the last row to repeat the first, or the ends of an open "
+            f"track to be far apart, found them {ends_apart:.3g} m apart; append the first row"
         )
-    rows[-1] = rows[0]
     return rows
+
+
+def _check_lap(centre: Floats, inner: Floats, outer: Floats, what: str) -> None:
+    """Refuse lines that are no rings one inside the other."""
+    _check_ring(centre, f"{what}: the centre line")
+    _check_ring(inner, f"{what}: the inner border")
+    _check_ring(outer, f"{what}: the outer border")
+    if not all(ring_holds(outer, x, y) for x, y in inner):
+        raise ValueError(
+            f"{what}: the inner border must lie inside the outer one; "
+            "swap columns 3-4 with columns 5-6, or repair the borders"
+        )
+
+
+def _check_lane(centre: Floats, inner: Floats, outer: Floats, what: str) -> None:
+    """Refuse an open track whose borders do not enclose its centre line."""
+    road = _around(outer, inner)
+    _check_ring(road, f"{what}: the line around the road")
+    if not all(ring_holds(road, x, y) for x, y in centre[1:-1]):
+        raise ValueError(
+            f"{what}: the centre line must lie between the borders; check the order of the columns"
+        )
+
+
+def _around(outer: Floats, inner: Floats) -> Floats:
+    """Return the ring along the outer border of an open track and back along the inner one."""
+    return np.concatenate([outer, inner[::-1], outer[:1]])
 
 
 def _check_ring(ring: Floats, what: str) -> None:
     """Refuse rings without area and rings that cross themselves."""
     if abs(_signed_area(ring)) < 1e-6:
         raise ValueError(f"{what} must enclose an area, found none; check its columns")
-    if ring_crosses_itself(ring):
+    if crosses_itself(ring):
         raise ValueError(f"{what} must not cross itself, found a crossing; smooth or thin it")
 
 
@@ -180,7 +216,7 @@ def _signed_area(ring: Floats) -> float:
 def _median_width(centre: Floats, inner: Floats, outer: Floats) -> float:
     widths = []
     for x, y in centre[:-1]:
-        x_in, y_in, _ = ring_project(inner, x, y)
-        x_out, y_out, _ = ring_project(outer, x, y)
+        x_in, y_in, _ = line_project(inner, x, y)
+        x_out, y_out, _ = line_project(outer, x, y)
         widths.append(np.hypot(x_in - x_out, y_in - y_out))
     return float(np.median(widths))
