@@ -7,7 +7,7 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
-from repaint_cli.deepracer import read_model_metadata
+from repaint_cli.deepracer import read_hyperparameters, read_model_metadata
 from repaint_cli.errors import CardError, NotFound
 from repaint_cli.paths import shipped
 from repaint_cli.tasks import TaskCard
@@ -58,14 +58,18 @@ def _resolve(path: Path) -> dict[str, Any]:
 
 
 def _resolve_files(data: dict[str, Any], folder: Path) -> None:
-    """Put in place what [env] says about files, which lie beside the card."""
-    env = data.get("env")
-    if not isinstance(env, dict):
-        return
-    if str(env.get("track", "")).endswith(".npy"):
-        env["track"] = str(folder / env["track"])
-    if isinstance(env.get("model_metadata"), str):
-        data["env"] = read_model_metadata(folder / env.pop("model_metadata")) | env
+    """Put in place what [env] and [ppo] say about files, which lie beside the card.
+
+    What a section says itself outranks its file.
+    """
+    env, ppo = (data.get(section) for section in ("env", "ppo"))
+    if isinstance(env, dict):
+        if str(env.get("track", "")).endswith(".npy"):
+            env["track"] = str(folder / env["track"])
+        if isinstance(env.get("model_metadata"), str):
+            data["env"] = read_model_metadata(folder / env.pop("model_metadata")) | env
+    if isinstance(ppo, dict) and isinstance(ppo.get("hyperparameters"), str):
+        data["ppo"] = read_hyperparameters(folder / ppo.pop("hyperparameters")) | ppo
 
 
 def _reward_code(data: dict[str, Any], folder: Path) -> dict[str, Any]:

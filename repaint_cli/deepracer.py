@@ -7,14 +7,55 @@ from typing import Any
 
 from repaint_cli.errors import CardError
 
-SENSORS = {
-    frozenset({"observation"}): "camera",
-    frozenset({"FRONT_FACING_CAMERA"}): "camera",
-    frozenset({"LEFT_CAMERA"}): "camera",
-    frozenset({"STEREO_CAMERAS"}): "stereo",
-    frozenset({"STEREO_CAMERAS", "LIDAR"}): "stereo+lidar",
+CAMERAS = {
+    "observation": "camera",
+    "FRONT_FACING_CAMERA": "camera",
+    "LEFT_CAMERA": "camera",
+    "STEREO_CAMERAS": "stereo",
+}
+SENSORS = {frozenset({name}): ours for name, ours in CAMERAS.items()} | {
+    frozenset({name, "LIDAR"}): f"{ours}+lidar" for name, ours in CAMERAS.items()
 }
 """What a car may carry, and what we call it."""
+
+
+PPO_NAMES = {
+    "batch_size": "minibatch_size",
+    "beta_entropy": "ent_coef",
+    "discount_factor": "gamma",
+    "lr": "learning_rate",
+    "num_episodes_between_training": "n_episodes",
+    "num_epochs": "n_epochs",
+}
+"""DeepRacer's hyper-parameters that mean what one of ours does."""
+
+OTHER_NAMES = {
+    "e_greedy_value", "epsilon_steps", "exploration_type", "loss_type", "sac_alpha", "stack_size",
+    "term_cond_avg_score", "term_cond_max_episodes",
+}  # fmt: skip
+"""Those that say how others explore, see, or when they stop; they are left out."""
+
+
+def read_hyperparameters(path: Path) -> dict[str, Any]:
+    """Return the [ppo] settings that a `hyperparameters.json` stands for.
+
+    Raises:
+        CardError: it cannot be read, or has a key that is not DeepRacer's.
+    """
+    data = _read_object(path)
+    unknown = sorted(data.keys() - PPO_NAMES.keys() - OTHER_NAMES)
+    if unknown:
+        known = ", ".join(sorted({*PPO_NAMES, *OTHER_NAMES}))
+        raise CardError(f"{path}: unknown key '{unknown[0]}'; DeepRacer's are {known}")
+    return {ours: _number(data[theirs]) for theirs, ours in PPO_NAMES.items() if theirs in data}
+
+
+def _number(value: Any) -> Any:
+    """Read a number that may be written as a text, as older files have it; others stay as is."""
+    try:
+        return json.loads(value) if isinstance(value, str) else value
+    except ValueError:
+        return value
 
 
 def read_model_metadata(path: Path) -> dict[str, Any]:
@@ -23,13 +64,18 @@ def read_model_metadata(path: Path) -> dict[str, Any]:
     Raises:
         CardError: it cannot be read, or asks for what the racer has not.
     """
+    data = _read_object(path)
+    return {"actions": _actions(path, data.get("action_space")), "sensors": _sensors(path, data)}
+
+
+def _read_object(path: Path) -> dict[str, Any]:
     try:
         data = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise CardError(f"cannot read {path}: {error}") from error
     if not isinstance(data, dict):
         raise CardError(f"{path}: expected a JSON object, found {type(data).__name__}")
-    return {"actions": _actions(path, data.get("action_space")), "sensors": _sensors(path, data)}
+    return data
 
 
 def _actions(path: Path, space: Any) -> list[list[float]]:

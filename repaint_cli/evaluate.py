@@ -7,8 +7,9 @@ import numpy as np
 from repaint_cli.learn.frames import parts
 from repaint_cli.learn.rollout import Policy, Rollout, clip, collect, start
 from repaint_cli.learn.seeding import Purpose, env_seeds, generator
-from repaint_cli.nets import ActorCritic, Spaces
+from repaint_cli.nets import ActorCritic
 from repaint_cli.simulators import GymEnv, RacerEnv
+from repaint_cli.spaces import Spaces
 from repaint_cli.tasks import TaskCard
 
 RACER_RECORDS = ("x", "y", "heading", "speed", "steering", "progress", "status", "lap_time")

@@ -8,13 +8,12 @@ the optimiser's step.
 
 import warnings
 from collections.abc import Generator, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import reduce
 from math import prod, sqrt
 from operator import add
 from typing import Any, Literal
 
-import gymnasium
 import numpy as np
 import torch
 import torch.nn.functional as F  # noqa: N812
@@ -24,6 +23,7 @@ from repaint_cli.config import NetConfig
 from repaint_cli.distributions import Categorical, Distribution, Gaussian
 from repaint_cli.errors import CardError
 from repaint_cli.normalizer import Normalizer
+from repaint_cli.spaces import Spaces
 
 Tower = Literal["policy", "value"]
 
@@ -32,52 +32,6 @@ LIDAR = (256, 256)
 
 # The gradients are views into one buffer on purpose: one fill zeroes them, one row is a seed's.
 warnings.filterwarnings("ignore", message="grad and param do not obey the gradient layout contract")
-
-
-@dataclass(frozen=True)
-class Spaces:
-    """What a policy reads and writes."""
-
-    obs_shape: tuple[int, ...]
-    """O: (features,) or an image (height, width, channels)."""
-    n_actions: int
-    """A: dimensions of a continuous action, or how many discrete ones."""
-    discrete: bool
-    """Whether actions are numbers 0…A−1."""
-    n_beams: int = 0
-    """Ranges of a lidar that come with an image; 0 without one."""
-
-    @classmethod
-    def of(cls, obs: gymnasium.Space, action: gymnasium.Space) -> "Spaces":  # type: ignore[type-arg]
-        """Read Gymnasium spaces.
-
-        Raises:
-            CardError: they are not a box of numbers and a box or discrete action.
-        """
-        if isinstance(obs, gymnasium.spaces.Dict) and obs.keys() == {"camera", "lidar"}:
-            seen, n_beams = cls.of(obs["camera"], action), cls.of(obs["lidar"], action).obs_shape[0]
-            return replace(seen, n_beams=n_beams)
-        shape = obs.shape
-        if isinstance(obs, gymnasium.spaces.Box) and shape is not None and len(shape) in (1, 3):
-            if isinstance(action, gymnasium.spaces.Discrete) and action.start == 0:
-                return cls(shape, int(action.n), True)
-            if isinstance(action, gymnasium.spaces.Box) and len(action.shape) == 1:
-                return cls(shape, action.shape[0], False)
-        raise CardError(
-            "expected observations in a vector or an image and actions in a vector or Discrete, "
-            f"found {obs} and {action}"
-        )
-
-    @property
-    def image(self) -> bool:
-        """Whether observations are images."""
-        return len(self.obs_shape) == 3
-
-    def __str__(self) -> str:
-        size = "×".join(str(n) for n in self.obs_shape)
-        size += f" + {self.n_beams}" if self.n_beams else ""
-        kind = "discrete" if self.discrete else "continuous"
-        return f"{size} observations and {self.n_actions} {kind} actions"
 
 
 @dataclass(frozen=True)
@@ -169,15 +123,19 @@ class ActorCritic:
         return torch.stack(outs)  # (S, B, heads)
 
     def _see(self, tower: Tower, s: int, images: Tensor, ranges: Tensor | None) -> Tensor:
-        eyes = "policy" if self.net.shared else tower
+        eyes, shape = "policy" if self.net.shared else tower, self.net.eyes
+        bend = torch.tanh if shape.tanh else torch.relu
         x = brightness(images, self.net.pool)
-        for layer, (_, _, stride) in enumerate(self.net.conv):
+        for layer, (_, _, stride) in enumerate(shape.layers):
             name = f"{eyes}.conv{layer}"
-            x = F.conv2d(
-                x, self.weights[f"{name}.weight"][s], self.weights[f"{name}.bias"][s], stride
+            x = bend(
+                F.conv2d(
+                    x, self.weights[f"{name}.weight"][s], self.weights[f"{name}.bias"][s], stride
+                )
             )
-            x = torch.relu(x)
         x = x.flatten(1)
+        if shape.dense:
+            x = bend(self._dense_of(s, x, f"{eyes}.embed"))
         if ranges is not None:
             near = 1 - ranges  # nothing within a metre is 0
             for layer in range(len(LIDAR)):
@@ -225,8 +183,9 @@ def _eyes(tower: str, spaces: Spaces, net: NetConfig) -> Generator[Leaf, None, i
     """Name the convolutions and return how many numbers they put out."""
     height, width, channels = spaces.obs_shape
     height, width = height // net.pool, width // net.pool
-    for layer, (filters, kernel, stride) in enumerate(net.conv):
-        if tower == "policy" or not net.shared:
+    own = tower == "policy" or not net.shared
+    for layer, (filters, kernel, stride) in enumerate(net.eyes.layers):
+        if own:
             yield Leaf(f"{tower}.conv{layer}.weight", (filters, channels, kernel, kernel), sqrt(2))
             yield Leaf(f"{tower}.conv{layer}.bias", (filters,), 0.0)
         height, width = (height - kernel) // stride + 1, (width - kernel) // stride + 1
@@ -236,11 +195,15 @@ def _eyes(tower: str, spaces: Spaces, net: NetConfig) -> Generator[Leaf, None, i
                 f"net.conv layer {layer} needs a larger image: {spaces} at net.pool {net.pool}"
             )
     size = channels * height * width
+    if net.eyes.dense:
+        if own:
+            yield from _layer(f"{tower}.embed", size, net.eyes.dense, sqrt(2))
+        size = net.eyes.dense
     if not spaces.n_beams:
         return size
     n_in = spaces.n_beams
     for layer, width in enumerate(LIDAR):
-        if tower == "policy" or not net.shared:
+        if own:
             yield from _layer(f"{tower}.lidar{layer}", n_in, width, sqrt(2))
         n_in = width
     return size + n_in

@@ -17,8 +17,9 @@ from repaint_cli.files import sha256, write_text
 from repaint_cli.learn.seeding import Purpose
 from repaint_cli.learn.trainer import Learner, train
 from repaint_cli.metrics import COLUMNS, Report, append_csv
-from repaint_cli.nets import ActorCritic, Spaces
+from repaint_cli.nets import ActorCritic
 from repaint_cli.report.statistics import mean_ci
+from repaint_cli.spaces import Spaces
 from repaint_cli.tasks import TaskCard
 
 CHECKPOINT = "checkpoint.safetensors"

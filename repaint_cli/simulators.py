@@ -86,8 +86,8 @@ class RacerEnv(Settings):
         (-30, 1), (-15, 1), (0, 1), (15, 1), (30, 1),
     )  # fmt: skip
     """Steering (degrees, left is positive, at most ±30) and speed (0.1 to 4 m/s) to choose from."""
-    sensors: Literal["camera", "stereo", "stereo+lidar"] = "camera"
-    """What the car sees with: one camera, two 6 cm apart, or these and a lidar looking back."""
+    sensors: Literal["camera", "camera+lidar", "stereo", "stereo+lidar"] = "camera"
+    """What the car sees with: one camera or two, 6 cm apart, and perhaps a lidar looking back."""
     n_bots: int = Field(0, ge=0, le=16)
     """Other cars on the road, which keep a lane at 0.2 m/s and change it every few seconds."""
     crash: Literal["at-fault", "any"] = "at-fault"

@@ -14,7 +14,8 @@ from repaint_cli.paths import shipped, user_zoo
 from repaint_cli.tasks import TaskCard
 
 if TYPE_CHECKING:
-    from repaint_cli.nets import ActorCritic, Spaces
+    from repaint_cli.nets import ActorCritic
+    from repaint_cli.spaces import Spaces
 
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
 """What a teacher may be called."""
@@ -74,7 +75,7 @@ class TeacherCard(Settings):
     @property
     def spaces(self) -> "Spaces":
         """What the policy reads and writes."""
-        from repaint_cli.nets import Spaces
+        from repaint_cli.spaces import Spaces
 
         return Spaces(self.obs_shape, self.n_actions, self.discrete, self.n_beams)
 

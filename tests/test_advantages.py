@@ -11,7 +11,8 @@ from repaint_cli.learn import advantages as module
 from repaint_cli.learn.advantages import Samples, describe, gae, to_samples
 from repaint_cli.learn.frames import Frames
 from repaint_cli.learn.rollout import Rollout
-from repaint_cli.nets import ActorCritic, Spaces
+from repaint_cli.nets import ActorCritic
+from repaint_cli.spaces import Spaces
 
 seeds = st.integers(0, 2**32 - 1)
 

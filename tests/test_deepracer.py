@@ -37,10 +37,12 @@ def test_actions_and_sensors_are_the_files(home):
 
 
 @pytest.mark.skipif(not REAL.is_dir(), reason="DeepRacer's files are not here")
-def test_real_files_are_read():
+def test_real_files_are_read(tmp_path):
     fourteen = read_model_metadata(REAL / "model_metadata_drfc1_14actions_v4.json")
     assert (len(fourteen["actions"]), fourteen["sensors"]) == (14, "camera")
     assert fourteen["actions"][1] == [-30.0, 2.0]
+    both = metadata(tmp_path, sensor=["FRONT_FACING_CAMERA", "LIDAR"])
+    assert read_model_metadata(both)["sensors"] == "camera+lidar"
     ten = read_model_metadata(REAL / "model_metadata_sagemaker_stereo_lidar_10actions.json")
     assert (len(ten["actions"]), ten["sensors"]) == (10, "stereo+lidar")
 
@@ -52,6 +54,7 @@ def test_real_files_are_read():
         ({"action_space": []}, "expected at least one action"),
         ({"action_space": [{"speed": 1}]}, "to list steering_angle and speed"),
         ({"action_space": None}, "to list steering_angle and speed, found None"),
+        ({"sensor": ["LIDAR"]}, "found LIDAR"),
         ({"sensor": ["SECTOR_LIDAR", "STEREO_CAMERAS"]}, "found SECTOR_LIDAR, STEREO_CAMERAS"),
     ],
 )
@@ -91,3 +94,41 @@ def test_a_cards_files_lie_beside_it(repaint, home):
     said = repaint("tasks", "check", "deep/mine.toml")
     assert (said.code, said.err) == (0, "")
     assert "2 discrete actions; reward terms of a random first step: function 1" in said.out
+
+
+THEIRS = {
+    "batch_size": "128", "beta_entropy": 0.01, "discount_factor": 0.99, "e_greedy_value": 0.05,
+    "epsilon_steps": 10000, "exploration_type": "categorical", "loss_type": "huber", "lr": 1e-4,
+    "num_episodes_between_training": 40, "num_epochs": 4, "stack_size": 1,
+    "term_cond_avg_score": 100000.0, "term_cond_max_episodes": 100000,
+}  # fmt: skip
+
+
+def card_with(home, hyperparameters, **own):
+    (home / "hyperparameters.json").write_text(json.dumps(hyperparameters))
+    more = "".join(f"{key} = {value}\n" for key, value in own.items())
+    (home / "mine.toml").write_text(
+        f'extends = "racer-inner"\n[ppo]\nhyperparameters = "hyperparameters.json"\n{more}'
+    )
+    return read_task("mine.toml")
+
+
+def test_hyperparameters_are_ppos_and_the_card_outranks_them(home):
+    ppo = card_with(home, THEIRS, n_epochs=5).ppo
+    assert (ppo.minibatch_size, ppo.ent_coef, ppo.gamma) == (128, 0.01, 0.99)
+    assert (ppo.learning_rate, ppo.n_episodes, ppo.n_epochs) == (1e-4, 40, 5)
+    assert ppo.clip_range == read_task("racer-inner").ppo.clip_range
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"learning_rate": 1}, "unknown key 'learning_rate'; DeepRacer's are batch_size, .* lr, "),
+        ({"batch_size": "many"}, r"ppo\.minibatch_size: .*found 'many'"),
+        ({"lr": -1}, r"ppo\.learning_rate: expected greater than 0"),
+        ({"discount_factor": None}, r"ppo\.gamma: expected a valid number"),
+    ],
+)
+def test_wrong_hyperparameters_are_named(home, wrong, message):
+    with pytest.raises(CardError, match=message):
+        card_with(home, wrong)

@@ -14,7 +14,7 @@ from tiny_runs import QUICK, add_teacher, files_below
 
 from repaint_cli import errors, files
 from repaint_cli.cli.app import main
-from repaint_cli.nets import Spaces
+from repaint_cli.spaces import Spaces
 
 SCRATCH = ["transfer", "--task", "reacher", "--method", "scratch"]
 TRANSFER = ["transfer", "--task", "reacher", "--teacher", "old-hand"]

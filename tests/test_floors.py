@@ -9,7 +9,7 @@ from repaint_cli.paths import PACKAGE
 
 FLOORS = [
     {"repaint_cli", "errors", "paths", "config"},
-    {"deepracer", "files", "envs", "distributions", "normalizer", "report.statistics"},
+    {"deepracer", "files", "envs", "distributions", "normalizer", "spaces", "report.statistics"},
     {"simulators"},
     {"tasks", "nets"},
     {"cards", "learn", "similarity"},

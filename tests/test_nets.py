@@ -9,10 +9,15 @@ from hypothesis.extra.numpy import arrays
 from torch import nn
 from torch.testing import assert_close
 
-from repaint_cli.config import NetConfig
+from repaint_cli.config import NetConfig, PPOConfig
 from repaint_cli.errors import CardError
-from repaint_cli.nets import ActorCritic, Spaces, brightness
+from repaint_cli.learn.advantages import Samples
+from repaint_cli.learn.frames import Frames
+from repaint_cli.learn.optimizer import RowAdam
+from repaint_cli.learn.update import learn_on_policy
+from repaint_cli.nets import ActorCritic, brightness
 from repaint_cli.normalizer import Normalizer
+from repaint_cli.spaces import Spaces
 
 VECTOR = Spaces((3,), 2, discrete=False)
 PICTURE = Spaces((24, 24, 1), 4, discrete=True)
@@ -256,3 +261,74 @@ def test_loaded_statistics_are_used():
     assert torch.equal(second.normalize(obs), first.normalize(obs))
     first.update(0, torch.randn(20, 2))
     assert second.count.item() == 20
+
+
+STEREO = Spaces((120, 160, 2), 10, discrete=True, n_beams=64)
+DEEP = {
+    "3-layer": ((14, 19), (6, 8), (4, 6)),
+    "4-layer": ((28, 38), (26, 36), (12, 17), (10, 15)),
+    "5-layer": ((58, 78), (28, 38), (26, 36), (12, 17), (10, 15)),
+}
+"""What the layers of the paper's camera networks put out, at 60 × 80 pixels."""
+
+
+def sights(n):
+    rng = np.random.default_rng(0)
+    images = rng.integers(0, 256, (1, n, *STEREO.obs_shape), dtype=np.uint8)
+    ranges = rng.uniform(0.12, 1, (1, n, 64)).astype(np.float32)
+    return {"camera": torch.from_numpy(images), "lidar": torch.from_numpy(ranges)}
+
+
+@pytest.mark.parametrize("name", DEEP)
+def test_the_papers_camera_networks_are_torchs(name):
+    student, obs = drawn(STEREO, NetConfig(kind="cnn", conv=name)), sights(3)
+    shape, weights = NetConfig(kind="cnn", conv=name).eyes, student.weights
+    bend = torch.tanh if name == "4-layer" else torch.relu
+    x = F.avg_pool2d(obs["camera"][0].permute(0, 3, 1, 2) / 255, 2)
+    for layer, ((filters, _, stride), size) in enumerate(
+        zip(shape.layers, DEEP[name], strict=True)
+    ):
+        w, b = (weights[f"value.conv{layer}.{part}"][0] for part in ("weight", "bias"))
+        x = bend(F.conv2d(x, w, b, stride))
+        assert x.shape == (3, filters, *size)
+
+    def dense(x, layer):
+        return x @ weights[f"value.{layer}.weight"][0] + weights[f"value.{layer}.bias"][0]
+
+    x = x.flatten(1)
+    if name == "4-layer":
+        x = torch.tanh(dense(x, "embed"))
+        assert x.shape == (3, 64)
+    near = torch.relu(dense(torch.relu(dense(1 - obs["lidar"][0], "lidar0")), "lidar1"))
+    x = torch.relu(dense(torch.cat([x, near], 1), "dense"))
+    assert_close(student.value(obs)[0], dense(x, "head")[:, 0])
+
+
+def test_the_three_layers_by_name_are_the_default():
+    assert NetConfig(kind="cnn", conv="3-layer").eyes == NetConfig(kind="cnn").eyes
+
+
+@pytest.mark.parametrize("shared", [False, True])
+@pytest.mark.parametrize("name", ["4-layer", "5-layer"])
+def test_a_deeper_network_learns_in_every_layer(name, shared):
+    student = drawn(STEREO, NetConfig(kind="cnn", conv=name, shared=shared))
+    start, n = student.storage.clone(), 6
+    obs = sights(n)
+    store = {part: array[0] for part, array in obs.items()}
+    policy = student.policy(obs)
+    actions = policy.mode()
+    samples = Samples(
+        frames=Frames([store]), rows=torch.arange(n)[None], actions=actions,
+        behavior_log_probs=policy.log_prob(actions).detach(), advantages=torch.randn(1, n),
+        returns=torch.randn(1, n), rewards=torch.zeros(1, n), counts=torch.tensor([n]),
+    )  # fmt: skip
+    ppo = PPOConfig(n_epochs=1, minibatch_size=n)
+    optimizer = RowAdam(student, ppo.learning_rate)
+    learn_on_policy(student, optimizer, samples, ppo, [np.random.default_rng(0)])
+    assert torch.isfinite(student.storage).all()
+    moved = student.storage != start
+    begin = 0
+    for leaf in student.leaves:
+        size = int(np.prod(leaf.shape))
+        assert moved[0, begin : begin + size].any(), leaf.name
+        begin += size

@@ -166,7 +166,10 @@ def test_a_lidar_reads_only_what_is_behind_within_a_metre():
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
-        ({"sensors": "eyes"}, "unknown sensors 'eyes'; choose one of camera, stereo, stereo"),
+        (
+            {"sensors": "eyes"},
+            "unknown sensors 'eyes'; choose one of camera, camera.lidar, stereo, stereo",
+        ),
         ({"crash": "never"}, "unknown crash 'never'; choose one of at-fault, any"),
     ],
 )

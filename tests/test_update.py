@@ -25,7 +25,8 @@ from repaint_cli.learn.update import (
     representation_loss,
     shuffle,
 )
-from repaint_cli.nets import ActorCritic, Spaces
+from repaint_cli.nets import ActorCritic
+from repaint_cli.spaces import Spaces
 
 PPO = PPOConfig(n_epochs=2, minibatch_size=4, learning_rate=1e-2, ent_coef=0.03, vf_coef=0.7)
 NAN = float("nan")

@@ -10,8 +10,9 @@ from tiny_runs import REACHER, add_teacher, weights_of
 from repaint_cli import zoo
 from repaint_cli.cards import read_task, shipped_tasks
 from repaint_cli.errors import CheckpointError, NotFound, RepaintError, StoreError, TeacherMismatch
-from repaint_cli.nets import ActorCritic, Spaces
+from repaint_cli.nets import ActorCritic
 from repaint_cli.paths import shipped
+from repaint_cli.spaces import Spaces
 
 SHIPPED = sorted(shipped("zoo").glob("*.safetensors"))
 

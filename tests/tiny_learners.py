@@ -5,7 +5,8 @@ import torch
 
 from repaint_cli.config import TransferConfig
 from repaint_cli.learn.trainer import Learner, train
-from repaint_cli.nets import ActorCritic, Spaces
+from repaint_cli.nets import ActorCritic
+from repaint_cli.spaces import Spaces
 
 
 def transferring(**settings):

@@ -6,8 +6,9 @@ import torch
 from repaint_cli import zoo
 from repaint_cli.cards import read_task
 from repaint_cli.checkpoint import policy_tensors
-from repaint_cli.nets import ActorCritic, Spaces
+from repaint_cli.nets import ActorCritic
 from repaint_cli.runs import versions
+from repaint_cli.spaces import Spaces
 
 REACHER = Spaces((10,), 2, False)
 QUICK = [

@@ -23,7 +23,7 @@ from repaint_cli.envs.racer.ground import ground_of
 from repaint_cli.envs.racer.noise import Noise, disturb_image
 from repaint_cli.envs.racer.track import Track
 
-SENSORS = ("camera", "stereo", "stereo+lidar")
+SENSORS = ("camera", "camera+lidar", "stereo", "stereo+lidar")
 RANGE_NOISE = 0.01
 """Standard deviation of what the lidar reads where it meets something, m."""
 
@@ -46,7 +46,7 @@ class Sensors:
             noise: disturbances of the images, or None.
             threads: how many share the drawing.
         """
-        self._eyes = EYES if kind == "camera" else STEREO_EYES
+        self._eyes = EYES if kind.startswith("camera") else STEREO_EYES
         self._has_lidar = kind.endswith("lidar")
         self._range_min = range_min
         ground = ground_of(track)
