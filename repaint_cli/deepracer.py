@@ -1,10 +1,12 @@
-"""What DeepRacer's own files say, as settings of a card."""
+"""What DeepRacer's own files say, as settings of a card, and back."""
 
 import json
+from collections.abc import Sequence
 from math import isfinite
 from pathlib import Path
 from typing import Any
 
+from repaint_cli.config import PPOConfig
 from repaint_cli.errors import CardError
 
 CAMERAS = {
@@ -50,6 +52,15 @@ def read_hyperparameters(path: Path) -> dict[str, Any]:
     return {ours: _number(data[theirs]) for theirs, ours in PPO_NAMES.items() if theirs in data}
 
 
+def hyperparameters(ppo: PPOConfig) -> dict[str, Any]:
+    """Return [ppo] settings as DeepRacer's `hyperparameters.json` has them."""
+    named = {theirs: getattr(ppo, ours) for theirs, ours in PPO_NAMES.items()}
+    return named | {
+        "exploration_type": "categorical", "loss_type": "mean squared error", "stack_size": 1,
+        "term_cond_max_episodes": ppo.n_iterations * (ppo.n_episodes or 0),
+    }  # fmt: skip
+
+
 def _number(value: Any) -> Any:
     """Read a number that may be written as a text, as older files have it; others stay as is."""
     try:
@@ -66,6 +77,23 @@ def read_model_metadata(path: Path) -> dict[str, Any]:
     """
     data = _read_object(path)
     return {"actions": _actions(path, data.get("action_space")), "sensors": _sensors(path, data)}
+
+
+def model_metadata(actions: Sequence[Sequence[float]], sensors: str, deep: bool) -> dict[str, Any]:
+    """Return a racing task's actions (degrees, m/s) and sensors as a `model_metadata.json`."""
+    camera, _, lidar = sensors.partition("+")
+    names = {"camera": "FRONT_FACING_CAMERA", "stereo": "STEREO_CAMERAS"}
+    return {
+        "action_space": [
+            {"steering_angle": angle, "speed": speed, "index": i}
+            for i, (angle, speed) in enumerate(actions)
+        ],
+        "action_space_type": "discrete",
+        "sensor": [names[camera], *(["LIDAR"] if lidar else [])],
+        "neural_network": "DEEP_CONVOLUTIONAL_NETWORK" + ("" if deep else "_SHALLOW"),
+        "training_algorithm": "clipped_ppo",
+        "version": "4",
+    }
 
 
 def _read_object(path: Path) -> dict[str, Any]:

@@ -8,11 +8,9 @@ from repaint_cli.learn.frames import parts
 from repaint_cli.learn.rollout import Policy, Rollout, clip, collect, start
 from repaint_cli.learn.seeding import Purpose, env_seeds, generator
 from repaint_cli.nets import ActorCritic
-from repaint_cli.simulators import GymEnv, RacerEnv
+from repaint_cli.simulators import GymEnv
 from repaint_cli.spaces import Spaces
 from repaint_cli.tasks import TaskCard
-
-RACER_RECORDS = ("x", "y", "heading", "speed", "steering", "progress", "status", "lap_time")
 
 
 @dataclass(frozen=True)
@@ -119,11 +117,8 @@ def evaluate(
     act = policy.policy if isinstance(policy, ActorCritic) else policy
     noise = task.eval.noise == "paper"
     env, obs = start(task, seeds, n_episodes, purpose, iteration, one_episode=True, noise=noise)
-    record: tuple[str, ...] = ()
-    if isinstance(task.env, RacerEnv):
-        record = (*RACER_RECORDS, "bots") if task.env.n_bots else RACER_RECORDS
     rngs = [generator(seed, purpose, iteration) for seed in seeds]
-    rollout = collect(env, obs, act, rngs, greedy=True, record=record)
+    rollout = collect(env, obs, act, rngs, greedy=True, record=task.env.records)
     rollout = replace(rollout, actions=clip(rollout.actions, env))
     env.close()
     played = _episodes(task, rollout, env_seeds(seeds, purpose, iteration, n_episodes))

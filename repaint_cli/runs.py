@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -19,8 +19,11 @@ from repaint_cli.learn.trainer import Learner, train
 from repaint_cli.metrics import COLUMNS, Report, append_csv
 from repaint_cli.nets import ActorCritic
 from repaint_cli.report.statistics import mean_ci
+from repaint_cli.simtrace import Simtrace, log_folders
+from repaint_cli.simulators import RacerEnv
 from repaint_cli.spaces import Spaces
 from repaint_cli.tasks import TaskCard
+from repaint_cli.traces import driven, played
 
 CHECKPOINT = "checkpoint.safetensors"
 """All that the learner is after the last finished iteration."""
@@ -71,6 +74,7 @@ class Experiment:
             self._load_teacher(plan.teacher, spaces)
         self.reports: list[Report] = []
         self.best_return = float("-inf")
+        self._logs: list[Simtrace] = []
         self._claim_folder()
 
     def _load_teacher(self, path: Path, spaces: Spaces) -> None:
@@ -94,6 +98,10 @@ class Experiment:
             raise StoreError(f"cannot make {folder}: {error.strerror}") from error
         self._write_record("running")
         write_text(folder / "metrics.csv", ",".join(COLUMNS) + "\n")
+        if isinstance(self.plan.task.env, RacerEnv):
+            self._logs = [
+                Simtrace(path, self.plan.task) for path in log_folders(folder, self.plan.seeds)
+            ]
 
     def run(self) -> Iterator[Report]:
         """Train, evaluate, record and checkpoint, one iteration at a time.
@@ -124,12 +132,22 @@ class Experiment:
             row | {"seed": seed} for row, seed in zip(report.rows, self.plan.seeds, strict=True)
         ]
         append_csv(folder / "metrics.csv", rows)
-        self.reports.append(report)
+        for s, log in enumerate(self._logs):
+            self._log_drives(log, report, s)
+        self.reports.append(replace(report, stats=replace(report.stats, rollout=None)))
         means = report.evaluation.returns.mean(1)
         s = int(means.argmax())
         if means[s] > self.best_return:
             zoo.add(self.learner.student, s, self._card(BEST, s), folder)
             self.best_return = float(means[s])
+
+    def _log_drives(self, log: Simtrace, report: Report, s: int) -> None:
+        """Log how a seed's car drove, in training and evaluation."""
+        env, stats = self.plan.task.env, report.stats
+        assert isinstance(env, RacerEnv)
+        if stats.rollout:
+            log.train(stats.iteration, driven(stats.rollout, env, s))
+        log.evaluate(stats.iteration, played(report.evaluation, env, s))
 
     def _write_record(self, state: str, **more: Any) -> None:
         plan = self.plan

@@ -34,6 +34,11 @@ class GymEnv(Settings):
     def actions(self) -> None:
         """What to choose from: the environment itself says."""
 
+    @property
+    def records(self) -> tuple[str, ...]:
+        """What else of a step is worth remembering, by name: nothing that all of them know."""
+        return ()
+
     def make(
         self, n_envs: int, one_episode: bool, noise: EvalConfig | None
     ) -> "VectorEnv[Any, Any, Any]":
@@ -72,6 +77,13 @@ class GymEnv(Settings):
         return limit
 
 
+RECORDS = (
+    "x", "y", "heading", "speed", "steering", "progress", "lap_time", "wheels_on", "waypoint",
+    "status",
+)  # fmt: skip
+"""What the racer tells of a car after each step."""
+
+
 class RacerEnv(Settings):
     """Our racing simulator: a car with a camera on a closed track, alone or among bots."""
 
@@ -96,6 +108,11 @@ class RacerEnv(Settings):
     """What the lidar reads of anything nearer, m."""
     max_steps: int = Field(1500, gt=0)
     """Time limit of an episode, in steps of 1/15 s."""
+
+    @property
+    def records(self) -> tuple[str, ...]:
+        """What else of a step is worth remembering, by its name in the infos."""
+        return (*RECORDS, "bots", "hit") if self.n_bots else RECORDS
 
     def make(
         self, n_envs: int, one_episode: bool, noise: EvalConfig | None

@@ -1,6 +1,7 @@
 """The figures: what is drawn, that no text is cut, and that a file is whole or absent."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,6 +12,8 @@ from PIL import Image
 from repaint_cli.errors import StoreError
 from repaint_cli.report import look
 from repaint_cli.report.curves import plot_curves, spread
+from repaint_cli.report.sweep import sweep
+from repaint_cli.report.training import Drive, plot_heatmap, plot_progress
 from repaint_cli.report.trajectories import Paths, plot_racer, plot_reacher
 
 NAN = np.nan
@@ -41,7 +44,7 @@ def laps(label="iteration 5 · return 212 · progress 63 %", n_episodes=4):
     xy[0, 28:30] *= 1.6  # off the map
     xy[0, 30:] = NAN
     speed = np.where(np.isnan(xy[:, :, 0]), NAN, 0.7 + 0.3 * np.sin(turns))
-    return Paths(xy, label, speed=speed, ended_off=np.arange(n_episodes) == 0)
+    return Paths(xy, label, values=speed, ended_off=np.arange(n_episodes) == 0)
 
 
 def reaches(label="iteration 60 · return −4.9", n_episodes=20):
@@ -58,6 +61,8 @@ def overhang(figure):
 
 
 def draw_every_kind(folder):
+    plot_heatmap(training(), **OVAL, path=folder / "heat.png", title="racer-outer: repaint")
+    plot_progress(training(), np.arange(1.0, 9.0), folder / "far.png", "racer-outer: repaint")
     methods = {name: curves(best=300 + 20 * i) for i, name in enumerate(look.METHOD_COLOURS)}
     progress = {name: np.clip(values / 4, 0, 100) for name, values in methods.items()}
     plot_curves(
@@ -76,7 +81,7 @@ def draw_every_kind(folder):
 
 def test_nothing_is_cut_and_every_file_is_a_picture(drawn, tmp_path):
     draw_every_kind(tmp_path)
-    assert len(drawn) == 10
+    assert len(drawn) == 12
     assert max(overhang(figure) for figure in drawn) <= 1.0
     for figure in drawn:  # and nothing pushed the panels into a corner
         assert sum(axes.bbox.width * axes.bbox.height for axes in figure.axes) > 0.4 * np.prod(
@@ -151,10 +156,38 @@ def test_paths_end_where_the_episode_ends_and_the_cross_is_there(drawn, tmp_path
     paths = laps()
     plot_racer([paths], **OVAL, path=tmp_path / "t.png", title="t")
     axes = drawn[0].axes[0]
-    segments = axes.collections[0].get_segments()
-    assert len(segments) == 29 + 3 * 79
+    (line,) = axes.collections
+    assert len(line.get_segments()) == 29 + 3 * 79
     assert_allclose(axes.lines[-1].get_xydata(), paths.xy[:1, 29])
-    assert_allclose(axes.collections[0].get_array()[:29], paths.speed[0, 1:30])
+    assert_allclose(line.get_array()[:29], paths.values[0, 1:30])
+
+
+def test_a_car_sweeps_its_width_once_an_episode_with_the_mean_of_its_values():
+    way = np.stack([np.linspace(0.203, 0.803, 13), np.full(13, 0.503)], axis=1)
+    there_and_back = np.concatenate([way, way[::-1]])
+    xy = np.full((3, 26, 2), NAN)
+    xy[0], xy[1, :13], xy[2, :1] = there_and_back, way, [[0.1, 0.1]]
+    values = np.full((3, 26), NAN)
+    values[0], values[1, :13] = 2.0, 4.0
+    passed, means = sweep(xy, values, np.zeros(2), np.ones(2))
+    assert passed.shape == means.shape == (100, 100)
+    rows, columns = np.nonzero(passed == 2)
+    assert len(rows) == np.count_nonzero(passed)  # and no cell on the way is left out
+    assert (columns.min(), columns.max()) == (20, 80)
+    assert (rows.min(), rows.max()) == (40, 59)
+    assert len(rows) == 61 * 20
+    assert_allclose(means[rows, columns], 3.0)
+    assert np.isnan(means[passed == 0]).all()
+
+
+def test_crashes_have_a_sign_of_their_own(drawn, tmp_path):
+    paths = replace(laps(), crashed=np.array([False, True, False, False]))
+    plot_racer([paths], **OVAL, path=tmp_path / "t.png", title="t")
+    exits, crashes = drawn[0].axes[0].lines[-2:]
+    assert_allclose(exits.get_xydata(), paths.xy[:1, 29])
+    assert_allclose(crashes.get_xydata(), paths.xy[1:2, -1])
+    names = [text.get_text() for text in drawn[0].legends[0].get_texts()]
+    assert names == ["inner lane", "outer lane", "start", "left the track", "crashed"]
 
 
 def test_a_car_far_off_the_track_is_still_in_the_picture(drawn, tmp_path):
@@ -165,7 +198,7 @@ def test_a_car_far_off_the_track_is_still_in_the_picture(drawn, tmp_path):
 
 def test_panels_share_one_speed_scale(drawn, tmp_path):
     slow, fast = laps(), laps()
-    slow.speed[:] *= 0.3
+    slow.values[:] *= 0.3
     plot_racer([slow, fast], **OVAL, path=tmp_path / "t.png", title="t")
     left, right = (axes.collections[0].norm for axes in drawn[0].axes[:2])
     assert (left.vmin, left.vmax) == (right.vmin, right.vmax)
@@ -173,8 +206,61 @@ def test_panels_share_one_speed_scale(drawn, tmp_path):
 
 
 def test_paths_that_do_not_fit_are_refused():
-    with pytest.raises(ValueError, match="speed is"):
-        Paths(np.zeros((2, 5, 2)), "x", speed=np.zeros((2, 4)))
+    with pytest.raises(ValueError, match="values is"):
+        Paths(np.zeros((2, 5, 2)), "x", values=np.zeros((2, 4)))
+
+
+def training(n_iterations=8, n_episodes=5):
+    """A car that comes farther with every iteration; iteration 2 belongs to the teacher."""
+    drives = []
+    for k in [k for k in range(1, n_iterations + 1) if k != 2]:
+        for e in range(n_episodes):
+            turns = np.linspace(e, e + 2 * np.pi * k / n_iterations, 40)
+            xy = np.stack([3.4 * np.cos(turns), 1.9 * np.sin(turns)], axis=1)
+            status = "lap_complete" if k == n_iterations else ("off_track", "crashed")[e % 2]
+            drives.append(Drive(k, xy, 100 * k / n_iterations, status))
+    return drives
+
+
+def test_the_heat_map_has_four_quarters_and_all_bad_ends(drawn, tmp_path):
+    drives = training()
+    plot_heatmap(drives, **OVAL, path=tmp_path / "h.png", title="t")
+    panels = drawn[0].axes[:4]
+    assert [axes.get_title() for axes in panels] == [
+        "iteration 1 · 5 episodes · 0 % laps",
+        "iterations 3 to 4 · 10 episodes · 0 % laps",
+        "iterations 5 to 6 · 10 episodes · 0 % laps",
+        "iterations 7 to 8 · 10 episodes · 50 % laps",
+    ]
+    counts = [np.ma.filled(axes.collections[0].get_array(), 0).sum() for axes in panels]
+    assert counts == [40 * 5, 40 * 10, 40 * 10, 40 * 10]
+    signs = [[len(line.get_xdata()) for line in axes.lines[-2:]] for axes in panels]
+    assert signs == [[3, 2], [6, 4], [6, 4], [3, 2]]
+    assert (
+        len({(axes.collections[0].norm.vmin, axes.collections[0].norm.vmax) for axes in panels})
+        == 1
+    )
+
+
+def test_a_training_of_one_iteration_has_pictures_too(drawn, tmp_path):
+    for drives in (training(1), []):
+        plot_heatmap(drives, **OVAL, path=tmp_path / "h.png", title="t")
+        plot_progress(drives, np.array([3.0]), tmp_path / "p.png", "t")
+    titles = [[axes.get_title() for axes in figure.axes[:4]] for figure in drawn[::2]]
+    assert titles == [
+        ["iteration 1 · 5 episodes · 100 % laps"] + 3 * ["no episodes"],
+        4 * ["no episodes"],
+    ]
+
+
+def test_progress_tells_training_from_evaluation(drawn, tmp_path):
+    plot_progress(training(), np.arange(1.0, 9.0), tmp_path / "p.png", "t")
+    (axes,) = drawn[0].axes
+    lines = {line.get_label(): line.get_xydata() for line in axes.lines}
+    assert len(lines["training episode"]) == 35
+    assert_allclose(lines["their mean"], [[k, 12.5 * k] for k in (1, 3, 4, 5, 6, 7, 8)])
+    assert_allclose(lines["share of whole laps"][:, 1], [0] * 6 + [100])
+    assert_allclose(lines["mean of the evaluation"], [[k, k] for k in range(1, 9)])
 
 
 class Torn(Figure):

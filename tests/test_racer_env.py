@@ -12,7 +12,10 @@ from repaint_cli.envs.racer.car import FRONT_OFFSET, STEP_SECONDS
 
 ROOT = Path(__file__).parents[1]
 TERMS = {"lane", "keep", "dprog", "fail"}
-STATES = {"x", "y", "heading", "speed", "steering", "progress", "lap_time", "status"}
+STATES = {
+    "x", "y", "heading", "speed", "steering", "progress", "lap_time", "wheels_on", "waypoint",
+    "status",
+}  # fmt: skip
 STRAIGHT_ON, HARD_LEFT, HARD_RIGHT = 7, 9, 5
 PARKS = {"autoreset_mode": AutoresetMode.DISABLED}
 

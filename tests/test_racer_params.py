@@ -5,11 +5,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.testing import assert_allclose
+from numpy.testing import assert_allclose, assert_array_equal
 
 from repaint_cli.envs.racer import RacerVectorEnv, Track
-from repaint_cli.envs.racer.params import closest_waypoints
-from repaint_cli.envs.racer.reference import line_project
+from repaint_cli.envs.racer.car import FRONT_OFFSET
+from repaint_cli.envs.racer.params import Moment, closest_waypoints, params_of
+from repaint_cli.envs.racer.reference import line_project, locate
 
 ROOT = Path(__file__).parents[1]
 REAL = ROOT.parent / "shared" / "data" / "deepracer"
@@ -124,19 +125,52 @@ def test_waypoints_wrap_at_the_start_line():
     assert closest_waypoints(track, track.length) == [m - 1, 0]
 
 
+def real_log(kind):
+    track = Track.from_waypoints(np.load(REAL / "tracks" / "reinvent_base.npy"), "reinvent_base")
+    with (REAL / "logs" / f"drfc1-{kind}-iteration.csv").open() as file:
+        return track, list(csv.DictReader(file))
+
+
+def follow_the_centre_line(params):
+    """The rule those logs were paid by: three bands around the centre line."""
+    share = params["distance_from_center"] / params["track_width"]
+    return 1.0 if share <= 0.1 else 0.5 if share <= 0.25 else 0.1 if share <= 0.5 else 1e-3
+
+
+@pytest.mark.skipif(not REAL.is_dir(), reason="the DeepRacer logs are not here")
+@pytest.mark.parametrize("kind", ["training-12", "evaluation-0"])
+def test_a_reward_function_pays_what_real_logs_say(kind):
+    track, rows = real_log(kind)
+    nothing = {
+        "is_reversed": False, "command": np.zeros(2), "progress": 0.0, "steps": 1, "seconds": 0.0,
+        "crashed": False, "poses": np.empty((0, 4)), "bots_along": np.empty(0),
+        "encounter": np.zeros(6),
+    }  # fmt: skip
+    yaw = np.deg2rad([float(row["yaw"]) for row in rows])
+    front = np.array([[float(row["X"]), float(row["Y"])] for row in rows])
+    base = front - FRONT_OFFSET * np.stack([np.cos(yaw), np.sin(yaw)], axis=1)
+    states = np.hstack([base, yaw[:, None], np.zeros((len(rows), 2))])
+    paid, logged = [], []
+    for row, at, heading, measures in zip(rows, front, yaw, locate(track, states), strict=True):
+        if row["episode_status"] != "prepare":  # whose reward is logged as 0
+            now = Moment(road=track, front=at, yaw=heading, measures=measures, **nothing)
+            paid.append(follow_the_centre_line(params_of(now)))
+            logged.append(float(row["reward"]))
+    assert len(set(logged)) >= 3
+    assert paid == logged
+
+
 @pytest.mark.skipif(not REAL.is_dir(), reason="the DeepRacer logs are not here")
 @pytest.mark.parametrize("kind", ["training-12", "evaluation-0"])
 def test_the_closest_waypoint_is_that_of_real_logs(kind):
     """Logs hold the nearer one of the two."""
-    track = Track.from_waypoints(np.load(REAL / "tracks" / "reinvent_base.npy"), "reinvent_base")
-    with (REAL / "logs" / f"drfc1-{kind}-iteration.csv").open() as file:
-        rows = list(csv.DictReader(file))
+    track, rows = real_log(kind)
     front = np.array([[float(row["X"]), float(row["Y"])] for row in rows])
     _, where = line_project(track.centre, front)
     along = np.interp(where, np.arange(len(track.distances)), track.distances)
-    wrong = 0
-    for place, distance, row in zip(front, along, rows, strict=True):
+    logged = np.array([int(row["closest_waypoint"]) for row in rows])
+    assert_array_equal(track.nearest_waypoint(along), logged)
+    for place, distance, nearest in zip(front, along, logged, strict=True):
         two = closest_waypoints(track, distance)
         gaps = [np.hypot(*(track.centre[k] - place)) for k in two]
-        wrong += two[int(np.argmin(gaps))] != int(row["closest_waypoint"])
-    assert wrong == 0
+        assert two[int(np.argmin(gaps))] == nearest

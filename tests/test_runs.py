@@ -92,7 +92,9 @@ def test_the_racer_has_progress(repaint, home):
         "transfer", "--method", "scratch", "--task", "racer-inner", "--run", "run", *QUICK_LAP
     )
     assert said.code == 0
-    assert {path.name for path in (home / "run").iterdir()} == ALWAYS | {"seed-0.safetensors"}
+    assert {path.name for path in (home / "run").iterdir()} == ALWAYS | {
+        "seed-0.safetensors", "heatmap.png", "progress.png", "deepracer",
+    }  # fmt: skip
     assert all(float(row["eval_progress"]) >= 0 for row in rows_of(home / "run"))
     assert "progress" in said.out
 

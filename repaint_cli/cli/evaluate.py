@@ -1,7 +1,7 @@
 """`repaint eval`."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
@@ -25,6 +25,13 @@ def evaluate(
         bool, typer.Option("--render-offscreen", help="Film the first episodes, without a screen.")
     ] = False,
     video_episodes: Annotated[int | None, typer.Option(help="How many episodes to film.")] = None,
+    simtrace: Annotated[
+        Path | None,
+        typer.Option(help="Also log every step in DeepRacer's layout, in this folder; racer only."),
+    ] = None,
+    colour: Annotated[
+        Literal["speed", "reward"], typer.Option(help="What colours the laps that are drawn.")
+    ] = "speed",
     seed: Annotated[
         int | None, typer.Option(help="Of the episodes; default: the policy's own.")
     ] = None,
@@ -33,4 +40,4 @@ def evaluate(
     from repaint_cli.cli.examine import examine, subject
 
     chosen = subject(what, task, Path("runs"))
-    examine(chosen, episodes, noise, seed, video_episodes, render_offscreen)
+    examine(chosen, episodes, noise, seed, video_episodes, render_offscreen, simtrace, colour)

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from rich.table import Table
 
-from repaint_cli import checkpoint, zoo
+from repaint_cli import checkpoint, traces, zoo
 from repaint_cli.cards import read_task
 from repaint_cli.cli.options import customize, seed_list
 from repaint_cli.cli.screen import out
@@ -18,10 +18,11 @@ from repaint_cli.files import write_text
 from repaint_cli.history import newest_run, read_run
 from repaint_cli.learn.seeding import Purpose
 from repaint_cli.nets import ActorCritic
-from repaint_cli.report.pictures import draw_trajectories, film
+from repaint_cli.report.pictures import Colour, draw_trajectories, film
 from repaint_cli.report.statistics import mean_ci
 from repaint_cli.runs import stamp
-from repaint_cli.simulators import GymEnv
+from repaint_cli.simtrace import Simtrace
+from repaint_cli.simulators import GymEnv, RacerEnv
 from repaint_cli.tasks import TaskCard
 
 FILMED = {"gymnasium": 5, "racer": 1}
@@ -88,13 +89,18 @@ def examine(
     seed: int | None,
     n_filmed: int | None,
     render: bool,
+    simtrace: Path | None,
+    colour: Colour,
 ) -> None:
-    """Evaluate, print a table, and write eval.json, eval-trajectories.png and perhaps video.mp4."""
+    """Evaluate, print a table, and write eval.json, eval-trajectories.png and what is asked for."""
     if n_filmed is not None and n_filmed < 1:
         raise CardError(f"expected --video-episodes of at least 1, found {n_filmed}")
     task = on_gymnasium(who.task)
-    if noise and task.env.simulator != "racer":
-        raise CardError(f"expected --noise with a racing task, found '{task.name}'; leave it out")
+    for option, given in (("--noise", noise), ("--simtrace", simtrace)):
+        if given and task.env.simulator != "racer":
+            raise CardError(
+                f"expected {option} with a racing task, found '{task.name}'; leave it out"
+            )
     task = customize(task, None, eval__episodes=n_episodes, eval__noise=noise)
     n_episodes = task.eval.episodes
     seeds = who.seeds if seed is None else seed_list(seed, 1) * len(who.seeds)
@@ -106,8 +112,11 @@ def examine(
     written = [who.folder / "eval.json"]
     write_text(written[0], json.dumps(summary(who, played, seeds), indent=2) + "\n")
     drawn = who.folder / "eval-trajectories.png"
-    if draw_trajectories(who.task, [(who.name, played)], drawn, f"{who.name}, seed {seeds[0]}"):
+    title = f"{who.name}, seed {seeds[0]}"
+    if draw_trajectories(who.task, [(who.name, played)], drawn, title, colour):
         written.append(drawn)
+    if simtrace:
+        written += log_drives(task, played, seeds, simtrace)
     if render:
         wanted = min(n_filmed or FILMED[task.env.simulator], n_episodes)
         try:
@@ -117,6 +126,16 @@ def examine(
             say_written(written, who.following)
             raise
     say_written(written, who.following)
+
+
+def log_drives(task: TaskCard, played: Episodes, seeds: list[int], folder: Path) -> list[Path]:
+    """Log races in DeepRacer's layout, several seeds in a folder each; return the files."""
+    assert isinstance(task.env, RacerEnv)
+    files, now = [], stamp().replace("-", "")
+    for s, seed in enumerate(seeds):
+        log = Simtrace(folder if len(seeds) == 1 else folder / f"seed-{seed}", task)
+        files += log.evaluate_alone(now, traces.played(played, task.env, s))
+    return files
 
 
 def on_gymnasium(task: TaskCard) -> TaskCard:

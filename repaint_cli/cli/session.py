@@ -13,6 +13,8 @@ from repaint_cli.paths import user_zoo
 from repaint_cli.report.events import Events, require_tensorboard
 from repaint_cli.report.pictures import draw_run
 from repaint_cli.runs import BEST, CHECKPOINT, Experiment, Plan, stamp
+from repaint_cli.simtrace import log_folders
+from repaint_cli.simulators import RacerEnv
 
 
 def new_folder(run: Path | None, task: str, what: str) -> Path:
@@ -84,6 +86,8 @@ def carry_out(plan: Plan, tensorboard: bool, teacher: tuple[str, Path] | None = 
         written.append(experiment.best_teacher(*teacher))
         following = f"repaint eval {teacher[0]} --render-offscreen"
     written += draw_run(read_run(plan.folder), experiment.reports)
+    if isinstance(plan.task.env, RacerEnv):
+        written += log_folders(plan.folder, plan.seeds)
     written += [plan.folder / "tensorboard"] if tensorboard else []
     say_written(written, following)
     if interrupted:

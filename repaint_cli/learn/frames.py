@@ -34,7 +34,7 @@ class Frames:
         """Keep S stores (M_s, *O); vectors are stacked, as they are small and read often."""
         self.stores = stores
         self._stacked = None
-        if all(isinstance(store, Tensor) and store.ndim == 2 for store in stores):
+        if stores and all(isinstance(store, Tensor) and store.ndim == 2 for store in stores):
             longest = max(len(store) for store in stores)
             self._stacked = torch.stack([_pad(store, longest) for store in stores])
             self._seeds = torch.arange(len(stores)).unsqueeze(1)

@@ -11,6 +11,7 @@ from repaint_cli.config import PPOConfig, TransferConfig
 from repaint_cli.errors import DivergedError, telling_where
 from repaint_cli.learn import schedules
 from repaint_cli.learn.advantages import Samples, describe, to_samples
+from repaint_cli.learn.frames import Frames
 from repaint_cli.learn.optimizer import RowAdam
 from repaint_cli.learn.rollout import Policy, Rollout, collect, start
 from repaint_cli.learn.seeding import Purpose, generator
@@ -70,6 +71,8 @@ class IterationStats:
     """What the iteration was."""
     numbers: dict[str, np.ndarray]
     """The vocabulary of metrics.csv, (S,) each."""
+    rollout: Rollout | None = None
+    """How the student itself drove, without what it saw; None where the teacher did."""
 
 
 def train(
@@ -93,18 +96,19 @@ def train(
         started, before = perf_counter(), learner.env_steps.copy()
         phase: schedules.Phase = "ppo"
         with telling_where(learner.seeds, f"iteration {k}"):
-            if guide is None:
-                numbers = _on_policy_iteration(task, learner, k)
-            else:
+            if guide is not None:
                 phase = schedules.phase(k, task.transfer)
-                act = _instance_iteration if phase == "instance" else _on_policy_iteration
-                numbers = act(task, learner, k, guide)
+            rollout = None
+            if guide is not None and phase == "instance":
+                numbers = _instance_iteration(task, learner, k, guide)
+            else:
+                numbers, rollout = _on_policy_iteration(task, learner, k, guide)
             _check_weights(learner)
         learner.iteration = k
         taken, seconds = learner.env_steps - before, perf_counter() - started
         numbers["env_steps"] = learner.env_steps.copy()
         numbers["steps_per_second"] = np.full(taken.shape, taken.sum() / seconds)
-        yield IterationStats(k, phase, numbers)
+        yield IterationStats(k, phase, numbers, rollout)
 
 
 def soften(teacher: ActorCritic, transfer: TransferConfig) -> Policy:
@@ -157,8 +161,8 @@ def _instance_iteration(
 
 
 def _on_policy_iteration(
-    task: TaskCard, learner: Learner, k: int, guide: Policy | None = None
-) -> dict[str, np.ndarray]:
+    task: TaskCard, learner: Learner, k: int, guide: Policy | None
+) -> tuple[dict[str, np.ndarray], Rollout]:
     """Let the student act and learn from it: PPO, with the cross-entropy where β_k > 0.
 
     Args:
@@ -166,6 +170,9 @@ def _on_policy_iteration(
         learner: who learns.
         k: the iteration; in a joint one (algorithm 1) selected teacher samples join every step.
         guide: the softened teacher, or None.
+
+    Returns:
+        The iteration's numbers, (S,) each, and the rollout without its observations.
     """
     student, ppo, transfer = learner.student, task.ppo, task.transfer
     rollout = _collect(task, learner, student.policy, k, ppo.n_episodes)
@@ -188,7 +195,8 @@ def _on_policy_iteration(
         learner.last_moments = moments(judged_anew)
     numbers["kickstart_coef"] = np.full(student.n_seeds, beta)
     numbers["explained_variance"] = explained.numpy()
-    return numbers | _episode_numbers(rollout, student.n_seeds)
+    numbers |= _episode_numbers(rollout, student.n_seeds)
+    return numbers, replace(rollout, frames=Frames([]))
 
 
 def _own_samples(student: ActorCritic, rollout: Rollout, ppo: PPOConfig) -> Samples:
@@ -230,7 +238,10 @@ def _collect(
     act_purpose = Purpose.ACT_AS_TEACHER if as_teacher else Purpose.ACT
     env, obs = start(task, learner.seeds, n_envs, env_purpose, k, one_episode=not by_steps)
     rngs = [generator(seed, act_purpose, k) for seed in learner.seeds]
-    rollout = collect(env, obs, policy, rngs, n_steps=task.ppo.n_steps if by_steps else None)
+    rollout = collect(
+        env, obs, policy, rngs, n_steps=task.ppo.n_steps if by_steps else None,
+        record=() if as_teacher else task.env.records,
+    )  # fmt: skip
     env.close()
     learner.env_steps += rollout.valid.sum((0, 2))
     return rollout

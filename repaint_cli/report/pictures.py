@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
@@ -11,10 +12,16 @@ from repaint_cli.metrics import Report
 from repaint_cli.report.curves import plot_curves
 from repaint_cli.report.offscreen import Episode, render_gym
 from repaint_cli.report.racer_film import NOSE, Drive, racer_frames
+from repaint_cli.report.training import Drive as Training
+from repaint_cli.report.training import plot_heatmap, plot_progress
 from repaint_cli.report.trajectories import Paths, plot_racer, plot_reacher
 from repaint_cli.report.video import write_video
+from repaint_cli.simtrace import log_folders, read_training
 from repaint_cli.simulators import GymEnv, RacerEnv, load_track
 from repaint_cli.tasks import TaskCard
+
+Colour = Literal["speed", "reward"]
+UNITS: dict[Colour, str] = {"speed": "speed [m/s]", "reward": "reward per step"}
 
 PANELS = 6
 """Checkpoints whose trajectories are drawn."""
@@ -31,7 +38,24 @@ def draw_run(run: Run, reports: Sequence[Report]) -> list[Path]:
     trajectories = run.folder / "trajectories.png"
     title = f"{run.task.name}: {run.label}, seed {run.record['seeds'][0]}"
     drawn = draw_trajectories(run.task, panels, trajectories, title)
-    return [curves, trajectories] if drawn else [curves]
+    return [curves, *([trajectories] if drawn else []), *_draw_training(run, title)]
+
+
+def _draw_training(run: Run, title: str) -> list[Path]:
+    """Draw where a racing run's first seed drove in training and how far; return the pictures."""
+    if not isinstance(run.task.env, RacerEnv) or run.progress is None:
+        return []
+    log = log_folders(run.folder, run.record["seeds"])[0]
+    drives = [
+        Training(k, np.stack([trace.x, trace.y], 1), float(trace.progress[-1]), trace.status)
+        for k, traces in read_training(log)
+        for trace in traces
+    ]
+    track = load_track(run.task.env.track)
+    heatmap, progress = run.folder / "heatmap.png", run.folder / "progress.png"
+    plot_heatmap(drives, track.inner, track.outer, track.centre, heatmap, title)
+    plot_progress(drives, run.progress[0], progress, title)
+    return [heatmap, progress]
 
 
 def draw_curves(runs: dict[str, Run], path: Path, title: str) -> None:
@@ -53,21 +77,28 @@ def draw_curves(runs: dict[str, Run], path: Path, title: str) -> None:
 
 
 def draw_trajectories(
-    task: TaskCard, panels: Sequence[tuple[str, Episodes]], path: Path, title: str
+    task: TaskCard,
+    panels: Sequence[tuple[str, Episodes]],
+    path: Path,
+    title: str,
+    colour: Colour = "speed",
 ) -> bool:
-    """Draw the first seed's paths, a panel per evaluation; return False where the task has none."""
-    paths = [_paths(label, played) for label, played in panels if played.paths is not None]
+    """Draw the first seed's paths, a panel per evaluation; return False where the task has none.
+
+    `colour` says what colours the paths of a race.
+    """
+    paths = [_paths(label, played, colour) for label, played in panels if played.paths is not None]
     if not paths:
         return False
     if isinstance(task.env, RacerEnv):
         track = load_track(task.env.track)
-        plot_racer(paths, track.inner, track.outer, track.centre, path, title)
+        plot_racer(paths, track.inner, track.outer, track.centre, path, title, UNITS[colour])
     else:
         plot_reacher(paths, path, title)
     return True
 
 
-def _paths(label: str, played: Episodes) -> Paths:
+def _paths(label: str, played: Episodes, colour: Colour) -> Paths:
     assert played.paths is not None
     label += f" · return {played.returns[0].mean():.4g}"
     if played.progress is None or played.status is None:
@@ -78,8 +109,9 @@ def _paths(label: str, played: Episodes) -> Paths:
     return Paths(
         played.paths[0],
         f"{label} · progress {played.progress[0].mean():.0f} %",
-        speed=played.records["speed"][:, 0].T,
-        ended_off=np.isin(played.status[0], [STATUS.index(s) for s in ("off_track", "crashed")]),
+        values=(played.rewards if colour == "reward" else played.records["speed"])[:, 0].T,
+        ended_off=played.status[0] == STATUS.index("off_track"),
+        crashed=played.status[0] == STATUS.index("crashed"),
     )
 
 

@@ -18,15 +18,15 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
 from repaint_cli.report import look
-from repaint_cli.report.road import draw_road
+from repaint_cli.report.road import CAR_LENGTH, CAR_WIDTH, draw_road
 from repaint_cli.report.statistics import Floats
 from repaint_cli.report.video import Frame, font
 
 MAP_WIDTH, SIDE_WIDTH, HEIGHT = 640, 480, 480
 FINE = 2
 """The map is drawn this many times finer and averaged, so that trail and car have smooth edges."""
-CAR_LENGTH, CAR_WIDTH, NOSE = 0.32, 0.19, 0.14
-"""The body, centred on the base point, and the front point ahead of it, m."""
+NOSE = 0.14
+"""The front point, ahead of the base point, m."""
 CAR_COLOUR, BOT_COLOUR = "#009E73", "#666666"
 CAMERA_HEIGHT = 360
 COLUMN = SIDE_WIDTH / 4

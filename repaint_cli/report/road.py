@@ -7,6 +7,8 @@ from matplotlib.path import Path as Outline
 
 from repaint_cli.report.statistics import Floats
 
+CAR_LENGTH, CAR_WIDTH = 0.32, 0.19
+"""The body, centred on the base point, m."""
 INNER_LANE, OUTER_LANE, BORDER, DASHES = "#cfcfcf", "#dedede", "#333333", "#ffffff"
 
 

@@ -13,7 +13,7 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection
-from matplotlib.colors import Normalize
+from matplotlib.colors import Normalize, to_rgb
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle
@@ -21,14 +21,20 @@ from matplotlib.patches import Circle
 from repaint_cli.report import look
 from repaint_cli.report.road import draw_road, lane_patches
 from repaint_cli.report.statistics import Floats
+from repaint_cli.report.sweep import CELL, sweep
 
 MAX_COLUMNS = 3
+FEW = 8
+"""Different values that all have a place on a scale."""
 REACH = 0.21
 """Length of Reacher's stretched arm, m."""
+PASSAGE = 0.35
+"""How much of the ground one car's passage hides."""
 EDGE = np.array([0.235, 0.235])
 
 Sign = dict[str, Any]
 START: Sign = {"marker": "o", "color": "w", "markeredgecolor": look.INK, "markersize": 4.5}
+CRASH: Sign = {"marker": "P", "color": "#56B4E9", "markeredgecolor": "w", "markersize": 9}
 EXIT: Sign = {"marker": "X", "color": "#D55E00", "markeredgecolor": "w", "markersize": 8}
 TARGET: Sign = {"marker": "*", "color": "#009E73", "markeredgecolor": "w", "markersize": 12}
 TIP: Sign = {"marker": "o", "color": look.INK, "markeredgecolor": "none", "markersize": 3.6}
@@ -42,19 +48,22 @@ class Paths:
     """Positions (E, T, 2), m; nan after an episode's end."""
     label: str
     """Over the panel: "iteration 5 · return 212 · progress 63 %"."""
-    speed: Floats | None = None
-    """Speeds (E, T), m/s; nan after an episode's end."""
+    values: Floats | None = None
+    """What colours the steps, (E, T), such as speed or reward; nan after an episode's end."""
     target: Floats | None = None
     """Where each episode's path should lead, (E, 2), m."""
     ended_off: np.ndarray | None = None
     """Which episodes ended off the track, (E,) bool."""
+    crashed: np.ndarray | None = None
+    """Which ended in a crash, (E,) bool."""
 
     def __post_init__(self) -> None:
         n_episodes, n_steps, two = self.xy.shape
         wanted = {
-            "speed": (n_episodes, n_steps),
+            "values": (n_episodes, n_steps),
             "target": (n_episodes, 2),
             "ended_off": (n_episodes,),
+            "crashed": (n_episodes,),
         }
         for name, shape in wanted.items():
             found = getattr(self, name)
@@ -63,9 +72,15 @@ class Paths:
 
 
 def plot_racer(
-    panels: Sequence[Paths], inner: Floats, outer: Floats, centre: Floats, path: Path, title: str
+    panels: Sequence[Paths],
+    inner: Floats,
+    outer: Floats,
+    centre: Floats,
+    path: Path,
+    title: str,
+    unit: str = "speed [m/s]",
 ) -> None:
-    """Draw the track from above with the paths coloured by speed, one panel a checkpoint.
+    """Draw the track from above with paths as wide as the car, one panel a checkpoint.
 
     Args:
         panels: what to draw, in reading order.
@@ -74,6 +89,7 @@ def plot_racer(
         centre: centre line, (M, 2), m.
         path: of the PNG.
         title: over the whole figure.
+        unit: what the colours are.
 
     Raises:
         StoreError: the file cannot be written.
@@ -82,15 +98,19 @@ def plot_racer(
     low, high = np.nanmin(points, axis=0) - 0.2, np.nanmax(points, axis=0) + 0.2
     width, height = high - low
     figure, grid = _grid(len(panels), float(np.clip(height / width, 0.4, 1.4)), title)
-    scale, extend = _speed_scale(panels)
+    scale, extend = _scale(panels)
     for axes, paths in zip(grid, panels, strict=True):
         draw_road(axes, inner, outer, centre)
-        _coloured_paths(axes, paths.xy, paths.speed, scale)
+        _swept(axes, paths, scale, low, high)
+        _coloured_paths(axes, paths.xy, paths.values, scale)
         _starts_and_exits(axes, paths)
         _frame(axes, paths.label, low, high)
-    if any(paths.speed is not None for paths in panels):
-        _colour_bar(figure, grid, scale, "speed [m/s]", extend)
-    _legend(figure, [*lane_patches(), _sign("start", START), _sign("left the track", EXIT)])
+    if any(paths.values is not None for paths in panels):
+        _colour_bar(figure, grid, scale, unit, extend)
+    signs = [sign("start", START), sign("left the track", EXIT)]
+    if any(paths.crashed is not None and paths.crashed.any() for paths in panels):
+        signs.append(sign("crashed", CRASH))
+    legend(figure, [*lane_patches(), *signs])
     look.save(figure, path)
 
 
@@ -118,7 +138,7 @@ def plot_reacher(panels: Sequence[Paths], path: Path, title: str) -> None:
     _colour_bar(figure, grid, scale, "time [steps]", "neither")
     miss = Line2D([], [], color=look.INK, linewidth=0.8, linestyle=":", label="missed by")
     reach = Line2D([], [], color=look.FAINT, linewidth=0.8, label="reach of the arm")
-    _legend(figure, [_sign("target", TARGET), _sign("fingertip at the end", TIP), miss, reach])
+    legend(figure, [sign("target", TARGET), sign("fingertip at the end", TIP), miss, reach])
     look.save(figure, path)
 
 
@@ -148,17 +168,18 @@ def _frame(axes: Axes, label: str, low: Floats, high: Floats) -> None:
     axes.set_ylim(low[1], high[1])
 
 
-def _speed_scale(panels: Sequence[Paths]) -> tuple[Normalize, str]:
-    """Return one scale for all panels, from the 2nd to the 98th percentile, and what overflows."""
-    known = [np.ravel(paths.speed) for paths in panels if paths.speed is not None]
-    speeds = np.concatenate([*known, np.empty(0)])
-    speeds = speeds[np.isfinite(speeds)]
-    if len(speeds) == 0:
+def _scale(panels: Sequence[Paths]) -> tuple[Normalize, str]:
+    """Return one scale for all panels, without the outer 2 % of many values, and what overflows."""
+    known = [np.ravel(paths.values) for paths in panels if paths.values is not None]
+    values = np.concatenate([*known, np.empty(0)])
+    values = values[np.isfinite(values)]
+    if len(values) == 0:
         return Normalize(0, 1), "neither"
-    low, high = (float(end) for end in np.percentile(speeds, [2, 98]))
+    most = [2, 98] if len(np.unique(values)) > FEW else [0, 100]
+    low, high = (float(end) for end in np.percentile(values, most))
     if high - low < 0.05:
         low, high = low - 0.05, high + 0.05
-    below, above = bool(speeds.min() < low), bool(speeds.max() > high)
+    below, above = bool(values.min() < low), bool(values.max() > high)
     return Normalize(low, high), {(1, 1): "both", (1, 0): "min", (0, 1): "max"}.get(
         (below, above), "neither"
     )
@@ -168,12 +189,26 @@ def _coloured_paths(axes: Axes, xy: Floats, values: Floats | None, scale: Normal
     """Draw every step as a short line in the colour of its value; nan ends a path."""
     segments = np.stack([xy[:, :-1], xy[:, 1:]], axis=2).reshape(-1, 2, 2)  # (E·(T−1), 2, 2)
     whole = np.isfinite(segments).all(axis=(1, 2))
-    lines = LineCollection(list(segments[whole]), linewidths=1.3, capstyle="round", zorder=3)
+    lines = LineCollection(list(segments[whole]), linewidths=1.0, capstyle="round", zorder=3)
     if values is None:
         lines.set_color(look.METHOD_COLOURS["repaint"])
     else:
         lines.set(array=values[:, 1:].reshape(-1)[whole], cmap=look.ramp(), norm=scale)
     axes.add_collection(lines, autolim=False)
+
+
+def _swept(axes: Axes, paths: Paths, scale: Normalize, low: Floats, high: Floats) -> None:
+    """Colour what the cars swept by the mean value there, fuller where more of them passed."""
+    known = paths.values is not None
+    values = paths.values if paths.values is not None else np.zeros(paths.xy.shape[:2])
+    passed, means = sweep(paths.xy, values, low, high)
+    colours = look.ramp()(scale(np.nan_to_num(means)))  # (rows, columns, 4)
+    if not known:
+        colours[..., :3] = to_rgb(look.METHOD_COLOURS["repaint"])
+    colours[..., 3] = 1 - (1 - PASSAGE) ** passed
+    rows, columns = passed.shape
+    extent = (low[0], low[0] + columns * CELL, low[1], low[1] + rows * CELL)
+    axes.imshow(colours, extent=extent, origin="lower", zorder=2.5, interpolation="bilinear")
 
 
 def _ends(xy: Floats) -> Floats:
@@ -187,10 +222,12 @@ def _starts_and_exits(axes: Axes, paths: Paths) -> None:
     _mark(axes, paths.xy[:, 0], START)
     if paths.ended_off is not None:
         _mark(axes, _ends(paths.xy)[np.asarray(paths.ended_off, dtype=bool)], EXIT)
+    if paths.crashed is not None:
+        _mark(axes, _ends(paths.xy)[np.asarray(paths.crashed, dtype=bool)], CRASH)
 
 
-def _mark(axes: Axes, points: Floats, sign: Sign) -> None:
-    axes.plot(*points.T, linestyle="none", zorder=5, **sign)
+def _mark(axes: Axes, points: Floats, drawn_as: Sign) -> None:
+    axes.plot(*points.T, linestyle="none", zorder=5, **drawn_as)
 
 
 def _targets(axes: Axes, paths: Paths) -> None:
@@ -217,7 +254,8 @@ def _colour_bar(
     bar.outline.set_visible(False)
 
 
-def _legend(figure: Figure, signs: Sequence[Artist]) -> None:
+def legend(figure: Figure, signs: Sequence[Artist]) -> None:
+    """Explain signs below a figure."""
     figure.legend(
         handles=list(signs),
         loc="outside lower center",
@@ -227,5 +265,6 @@ def _legend(figure: Figure, signs: Sequence[Artist]) -> None:
     )
 
 
-def _sign(name: str, sign: Sign) -> Line2D:
-    return Line2D([], [], linestyle="none", label=name, **sign)
+def sign(name: str, drawn_as: Sign) -> Line2D:
+    """Return what a legend shows for a sign."""
+    return Line2D([], [], linestyle="none", label=name, **drawn_as)

@@ -52,8 +52,9 @@ class RacerVectorEnv(VectorEnv[Any, NDArray[np.int64], Any]):
 
     **Infos** arrays (N,) float64, the same keys at every step. Reward terms: `lane`, `keep`,
     `dprog`, `fail`, and with bots `clear`, `hazard`, `camlane`. State: `x`, `y` (front point, m),
-    `heading` (rad), `speed` (true, m/s), `steering` (true, rad), `progress` (%), `lap_time` (s) and
-    `status`, an index into `rules.STATUS`; with bots `bots`, (N, B, 3): x, y and heading of each.
+    `heading` (rad), `speed` (true, m/s), `steering` (true, rad), `progress` (%), `lap_time` (s),
+    `wheels_on` (the road, 0 to 4), `waypoint` (index of the nearest) and `status`, an index into
+    `rules.STATUS`; with bots `bots`, (N, B, 3): x, y and heading of each, and `hit`.
     Progress is that of the front point, so it begins a little above 0.
 
     **Autoreset** NEXT_STEP starts a new episode in the step after the last, ignoring that action.

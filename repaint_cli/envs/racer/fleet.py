@@ -22,7 +22,7 @@ from repaint_cli.envs.racer.car import (
     drive_rows,
 )
 from repaint_cli.envs.racer.encounters import AT_FAULT, HIT, NEXT, meet
-from repaint_cli.envs.racer.geometry import NDIST, measure
+from repaint_cli.envs.racer.geometry import NDIST, WHEELS_ON, measure
 from repaint_cli.envs.racer.params import Moment, params_of
 from repaint_cli.envs.racer.rules import (
     CRASHED,
@@ -159,9 +159,10 @@ class Fleet:
     def report(self) -> dict[str, Any]:
         """Tell where the cars are and how they do, by name, each (N,) in new arrays.
 
-        With bots also their x, y (m) and heading (rad) as "bots", (N, B, 3).
+        With bots also their x, y (m) and heading (rad) as "bots", (N, B, 3), and whether the car
+        touches one as "hit".
         """
-        return {
+        ours = {
             "x": self._fronts[:, 0].copy(),
             "y": self._fronts[:, 1].copy(),
             "heading": self.states[:, YAW].copy(),
@@ -169,8 +170,22 @@ class Fleet:
             "steering": self.states[:, STEERING].copy(),
             "progress": self._progress.copy(),
             "lap_time": self._counters.steps * STEP_SECONDS,
+            "wheels_on": self._measures[:, WHEELS_ON].copy(),
+            "waypoint": self._waypoints(),
             "status": self.status.astype(np.float64),
-        } | ({"bots": self.bots.poses[..., :SIDE].copy()} if self.bots else {})
+        }
+        if self.bots is None:
+            return ours
+        return ours | {
+            "bots": self.bots.poses[..., :SIDE].copy(), "hit": self._encounters[:, HIT].copy()
+        }  # fmt: skip
+
+    def _waypoints(self) -> Floats:
+        """Return the index of each car's nearest waypoint in the direction it drives, (N,)."""
+        nearest = np.empty(len(self.states))
+        for road, own in self._by_road(np.arange(len(nearest))):
+            nearest[own] = road.nearest_waypoint(self._measures[own, NDIST] * road.length)
+        return nearest
 
     def params(self, row: int) -> dict[str, Any]:
         """Return what DeepRacer would tell a reward function about one car now."""

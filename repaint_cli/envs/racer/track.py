@@ -125,6 +125,12 @@ class Track:
         share = (along - self.distances[i]) / (self.distances[i + 1] - self.distances[i])
         return self.centre[i] + share[..., None] * step, np.arctan2(step[..., 1], step[..., 0])
 
+    def nearest_waypoint(self, along: Floats) -> NDArray[np.int64]:
+        """Return the index of the waypoint nearest to arclengths (m) from the start, any shape."""
+        after = np.clip(np.searchsorted(self.distances, along), 1, len(self.distances) - 1)
+        here, ahead = along - self.distances[after - 1], self.distances[after] - along
+        return np.where(here <= ahead, after - 1, after)
+
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Track) and self._key == other._key
 

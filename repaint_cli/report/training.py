@@ -1,0 +1,162 @@
+"""A whole training at a glance: where the car drove and how far it came. Metres, per cent.
+
+**T** steps · **M** corners of a line.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import LogNorm
+from matplotlib.ticker import MaxNLocator
+
+from repaint_cli.report import look
+from repaint_cli.report.road import draw_road
+from repaint_cli.report.statistics import Floats
+from repaint_cli.report.trajectories import CRASH, EXIT, Sign, legend, sign
+
+QUARTERS = 4
+CELL = 0.05
+"""Edge of a cell of the heat-map, m."""
+
+
+@dataclass(frozen=True)
+class Drive:
+    """A training episode."""
+
+    iteration: int
+    """k, from 1."""
+    xy: Floats
+    """Where the car was after each step, (T, 2), m."""
+    progress: float
+    """Of the lap, at the end, %."""
+    status: str
+    """How it ended, a name in the racer's STATUS."""
+
+
+def plot_heatmap(
+    drives: Sequence[Drive], inner: Floats, outer: Floats, centre: Floats, path: Path, title: str
+) -> None:
+    """Draw where the car was in each quarter of its training, and where episodes ended badly.
+
+    Args:
+        drives: all training episodes, in order.
+        inner: border on the infield side, (M, 2), m.
+        outer: border on the outfield side, (M, 2), m.
+        centre: centre line, (M, 2), m.
+        path: of the PNG.
+        title: over the whole figure.
+
+    Raises:
+        StoreError: the file cannot be written.
+    """
+    points = np.concatenate([inner, outer, *(drive.xy for drive in drives)])
+    low, high = points.min(0) - 0.2, points.max(0) + 0.2
+    width, height = high - low
+    side = 4.3
+    aspect = float(np.clip(height / width, 0.4, 1.4))
+    figure = look.new_figure(2 * side + 1.2, 2 * (side * aspect + 0.4) + 1.1)
+    look.headline(figure, title)
+    grid = figure.subplots(2, 2, sharex=True, sharey=True)
+    quarters = _quarters(drives)
+    edges = [np.arange(a, b + CELL, CELL) for a, b in zip(low, high, strict=True)]
+    visits = [_visits(quarter, edges) for quarter in quarters]
+    scale = LogNorm(1, max(2.0, *(float(count.max()) for count in visits)))
+    for axes, quarter, count in zip(grid.flat, quarters, visits, strict=True):
+        draw_road(axes, inner, outer, centre)
+        seen = np.ma.masked_less(count.T, 1)
+        axes.pcolormesh(*edges, seen, cmap=look.ramp(), norm=scale, zorder=2.5, alpha=0.9)
+        for status, mark in (("off_track", EXIT), ("crashed", CRASH)):
+            ends = [drive.xy[-1] for drive in quarter if drive.status == status]
+            small: Sign = mark | {"markersize": 5, "markeredgewidth": 0.6}
+            axes.plot(*np.array(ends).reshape(-1, 2).T, linestyle="none", zorder=5, **small)
+        axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
+        axes.set_title(_label(quarter), size=look.TEXT_SIZE - 0.5, color=look.INK)
+        axes.set_aspect("equal")
+        look.tidy(axes)
+    for axes in grid[-1]:
+        axes.set_xlabel("x [m]", size=look.NOTE_SIZE)
+    for axes in grid[:, 0]:
+        axes.set_ylabel("y [m]", size=look.NOTE_SIZE)
+    bar = figure.colorbar(
+        ScalarMappable(scale, look.ramp()), ax=list(grid.flat), shrink=0.8, aspect=28
+    )
+    bar.set_label(f"steps in a cell of {100 * CELL:.0f} cm", size=look.TEXT_SIZE)
+    bar.ax.tick_params(labelsize=look.NOTE_SIZE)
+    bar.ax.yaxis.set_major_formatter("{x:.0f}")
+    bar.outline.set_visible(False)
+    legend(figure, [sign("left the track", EXIT), sign("crashed", CRASH)])
+    look.save(figure, path)
+
+
+def plot_progress(drives: Sequence[Drive], evaluated: Floats, path: Path, title: str) -> None:
+    """Draw how far each training episode came, their mean, and that of the evaluations.
+
+    Args:
+        drives: all training episodes.
+        evaluated: mean lap progress of the evaluation after each iteration, (K,), %.
+        path: of the PNG.
+        title: over the whole figure.
+
+    Raises:
+        StoreError: the file cannot be written.
+    """
+    figure = look.new_figure(7.6, 4.4)
+    look.headline(figure, title)
+    axes: Axes = figure.subplots()
+    iterations = np.array([drive.iteration for drive in drives])
+    progress = np.clip([drive.progress for drive in drives], 0, 100)
+    aside = np.random.default_rng(0).uniform(-0.18, 0.18, len(drives))
+    axes.plot(
+        iterations + aside,
+        progress,
+        ".",
+        color=look.FAINT,
+        markersize=4,
+        alpha=0.6,
+        label="training episode",
+    )
+    driven = np.unique(iterations)
+    means = [progress[iterations == k].mean() for k in driven]
+    axes.plot(driven, means, color="#E69F00", linewidth=2, label="their mean")
+    whole = [100 * (progress[iterations == k] >= 100).mean() for k in driven]
+    axes.plot(
+        driven, whole, color="#009E73", linewidth=1.6, linestyle="--", label="share of whole laps"
+    )
+    k = np.arange(1, len(evaluated) + 1)
+    axes.plot(k, evaluated, color="#0072B2", linewidth=2, label="mean of the evaluation")
+    axes.set_ylim(-3, 103)
+    axes.set_xlabel("iteration", size=look.TEXT_SIZE)
+    axes.set_ylabel("lap progress, share of laps [%]", size=look.TEXT_SIZE)
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+    look.tidy(axes)
+    figure.legend(loc="outside lower center", ncols=4, frameon=False, fontsize=look.NOTE_SIZE)
+    look.save(figure, path)
+
+
+def _quarters(drives: Sequence[Drive]) -> list[list[Drive]]:
+    """Split a training by its iterations."""
+    last = max((drive.iteration for drive in drives), default=1)
+    return [
+        [drive for drive in drives if QUARTERS * (drive.iteration - 1) // last == quarter]
+        for quarter in range(QUARTERS)
+    ]
+
+
+def _visits(quarter: Sequence[Drive], edges: list[Floats]) -> Floats:
+    x, y = np.concatenate([np.empty((0, 2)), *(drive.xy for drive in quarter)]).T
+    counts, _, _ = np.histogram2d(x, y, bins=(edges[0], edges[1]))
+    return np.asarray(counts, dtype=np.float64)
+
+
+def _label(quarter: Sequence[Drive]) -> str:
+    """Say which part of the training a panel shows, and how many laps it holds."""
+    if not quarter:
+        return "no episodes"
+    laps = np.mean([drive.status == "lap_complete" for drive in quarter])
+    first, last = quarter[0].iteration, quarter[-1].iteration
+    span = f"iteration {first}" if first == last else f"iterations {first} to {last}"
+    return f"{span} · {len(quarter)} episodes · {100 * laps:.0f} % laps"

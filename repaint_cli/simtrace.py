@@ -1,0 +1,180 @@
+"""Logs as DeepRacer writes them, for its community's tools: a folder as `deepracer-utils` reads it.
+
+training-simtrace/{k}-iteration.csv                         every training step, k from 0
+evaluation-{stamp}/evaluation-simtrace/0-iteration.csv      every step of `repaint eval`
+metrics/TrainingMetrics.json                                an entry per episode
+model/model_metadata.json  ip/hyperparameters.json  reward_function.py
+"""
+
+import csv
+import io
+import json
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from time import time
+from typing import Any
+
+import numpy as np
+
+from repaint_cli.deepracer import hyperparameters, model_metadata
+from repaint_cli.files import write_text
+from repaint_cli.simulators import RacerEnv, load_track
+from repaint_cli.tasks import TaskCard
+from repaint_cli.traces import Trace
+
+COLUMNS = (
+    "episode", "steps", "X", "Y", "yaw", "steer", "throttle", "action", "reward", "done",
+    "all_wheels_on_track", "progress", "closest_waypoint", "track_len", "tstamp", "episode_status",
+    "pause_duration", "obstacle_crash_counter", "wall_clock",
+)  # fmt: skip
+"""Of a simtrace, in DeepRacer's order."""
+
+STEP_SECONDS = 1 / 15
+
+
+class Simtrace:
+    """One car's log folder; its clock runs on from episode to episode, in simulated seconds."""
+
+    def __init__(self, folder: Path, task: TaskCard) -> None:
+        """Write what does not change; the folder may hold earlier evaluations.
+
+        Args:
+            folder: where.
+            task: a racing task.
+
+        Raises:
+            StoreError: the folder cannot be written.
+        """
+        assert isinstance(task.env, RacerEnv)
+        self.folder = folder
+        self._per_iteration = task.ppo.n_episodes or 0
+        self._length = load_track(task.env.track).length
+        self._clock, self._episodes = 0.0, 0
+        self._metrics: list[dict[str, Any]] = []
+        deep = len(task.net.eyes.layers) > 3
+        self._write_json(
+            "model/model_metadata.json", model_metadata(task.env.actions, task.env.sensors, deep)
+        )
+        self._write_json("ip/hyperparameters.json", hyperparameters(task.ppo))
+        if task.reward_code:
+            write_text(folder / "reward_function.py", task.reward_code.source)
+
+    def train(self, k: int, traces: Sequence[Trace]) -> None:
+        """Log the training episodes of iteration k, from 1.
+
+        Episodes are numbered as if every iteration had as many, also one in which only the teacher
+        drove, since the tools divide by that number.
+        """
+        first = max(self._episodes, (k - 1) * self._per_iteration)
+        self._write(f"training-simtrace/{k - 1}-iteration.csv", traces, first, "training")
+        self._episodes = first + len(traces)
+        self._write_metrics()
+
+    def evaluate(self, k: int, traces: Sequence[Trace]) -> None:
+        """Note how the evaluation after iteration k went, in the metrics alone like DeepRacer."""
+        for trace in traces:
+            self._note(max(self._episodes, k * self._per_iteration), trace, "evaluation")
+        self._write_metrics()
+
+    def evaluate_alone(self, stamp: str, traces: Sequence[Trace]) -> list[Path]:
+        """Log the episodes of `repaint eval`; return the files.
+
+        A folder without training gets them in place of it too: that is what tools open first.
+
+        Args:
+            stamp: 14 digits, the time.
+            traces: an episode each.
+        """
+        places = [f"evaluation-{stamp}/evaluation-simtrace/0-iteration.csv"]
+        if not (self.folder / "training-simtrace").is_dir():
+            places.append("training-simtrace/0-iteration.csv")
+        for place in places:
+            self._clock, self._metrics = 0.0, []
+            self._write(place, traces, 0, "evaluation")
+        if len(places) > 1:
+            self._write_metrics()
+            places.append("metrics/TrainingMetrics.json")
+        return [self.folder / place for place in places]
+
+    def _write(self, place: str, traces: Sequence[Trace], first: int, phase: str) -> None:
+        text = io.StringIO()
+        writer = csv.writer(text, lineterminator="\n")
+        writer.writerow(COLUMNS)
+        for i, trace in enumerate(traces):
+            start = self._clock
+            self._note(first + i + 1, trace, phase, trial=i + 1)
+            writer.writerows(self._rows(first + i, trace, start))
+        write_text(self.folder / place, text.getvalue())
+
+    def _rows(self, episode: int, trace: Trace, start: float) -> Iterator[tuple[Any, ...]]:
+        """Yield the rows of an episode; the first is "prepare", where the tools start the clock."""
+        last, now = len(trace) - 1, f"{time():.3f}"
+        for t in range(len(trace)):
+            status = trace.status if t == last else "in_progress" if t else "prepare"
+            yield (
+                episode, f"{t + 1:.1f}", f"{trace.x[t]:.4f}", f"{trace.y[t]:.4f}",
+                f"{trace.yaw[t]:.4f}", f"{trace.steer[t]:.2f}", f"{trace.throttle[t]:.2f}",
+                trace.action[t], f"{trace.reward[t]:.6g}",
+                t == last and trace.status != "in_progress", bool(trace.all_wheels_on_track[t]),
+                f"{trace.progress[t]:.4f}", trace.closest_waypoint[t], f"{self._length:.4f}",
+                f"{start + t * STEP_SECONDS:.4f}", status, "0.0", trace.crashes[t], now,
+            )  # fmt: skip
+
+    def _note(self, episode: int, trace: Trace, phase: str, trial: int | None = None) -> None:
+        """Add an episode to the metrics, and its time to the clock."""
+        seconds = len(trace) * STEP_SECONDS
+        self._metrics.append({
+            "reward_score": round(float(trace.reward.sum()), 4),
+            "metric_time": round(1000 * (self._clock + seconds)),
+            "start_time": round(1000 * self._clock),
+            "elapsed_time_in_milliseconds": round(1000 * seconds),
+            "episode": episode,
+            "trial": trial or self._per_iteration or episode,
+            "phase": phase,
+            "completion_percentage": int(np.clip(trace.progress[-1], 0, 100)),
+            "episode_status": trace.status.replace("_", " ").capitalize(),
+        })  # fmt: skip
+        self._clock += seconds
+
+    def _write_metrics(self) -> None:
+        data = {"metrics": self._metrics, "version": 2.0, "best_model_metric": "progress"}
+        self._write_json("metrics/TrainingMetrics.json", data)
+
+    def _write_json(self, place: str, data: dict[str, Any]) -> None:
+        write_text(self.folder / place, json.dumps(data, indent=2) + "\n")
+
+
+def log_folders(run: Path, seeds: Sequence[int]) -> list[Path]:
+    """Return where a run on the racer keeps each seed's logs."""
+    return [run / "deepracer" / f"seed-{seed}" for seed in seeds]
+
+
+def read_training(folder: Path) -> Iterator[tuple[int, list[Trace]]]:
+    """Yield the training episodes of a log folder by iteration, k from 1, in order."""
+    files = folder.glob("training-simtrace/*-iteration.csv")
+    for path in sorted(files, key=lambda file: int(file.name.partition("-")[0])):
+        yield int(path.name.partition("-")[0]) + 1, read_simtrace(path)
+
+
+def read_simtrace(path: Path) -> list[Trace]:
+    """Read a file of ours or of DeepRacer's."""
+    with path.open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    starts = [i for i, row in enumerate(rows) if i == 0 or row["episode"] != rows[i - 1]["episode"]]
+    return [_trace(rows[a:b]) for a, b in zip(starts, [*starts[1:], len(rows)], strict=True)]
+
+
+def _trace(rows: list[dict[str, str]]) -> Trace:
+    def numbers(name: str) -> np.ndarray:
+        return np.array([float(row.get(name) or 0) for row in rows])
+
+    return Trace(
+        **{name.lower(): numbers(name) for name in ("X", "Y", "yaw", "steer", "throttle")},
+        action=numbers("action").astype(int),
+        reward=numbers("reward"),
+        all_wheels_on_track=np.array([row["all_wheels_on_track"] == "True" for row in rows]),
+        progress=numbers("progress"),
+        closest_waypoint=numbers("closest_waypoint").astype(int),
+        crashes=numbers("obstacle_crash_counter").astype(int),
+        status=rows[-1]["episode_status"],
+    )

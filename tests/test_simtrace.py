@@ -1,0 +1,178 @@
+"""Logs in DeepRacer's layout: what stands in them, and that its community's tools read them."""
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+from tiny_runs import QUICK_LAP
+
+from repaint_cli.cards import read_task
+from repaint_cli.deepracer import read_hyperparameters, read_model_metadata
+from repaint_cli.simtrace import COLUMNS, Simtrace, read_simtrace, read_training
+from repaint_cli.traces import Trace, driven
+
+REAL = Path(__file__).parents[2] / "shared" / "data" / "deepracer" / "logs"
+ALONE = ("training-simtrace/0-iteration.csv", "metrics/TrainingMetrics.json")
+TASK = read_task("racer-inner")
+
+
+def trace(n_steps=3, status="off_track", seed=0):
+    """An episode of anything, with no more digits than a log has."""
+    rng = np.random.default_rng(seed)
+
+    def numbers(digits):
+        return rng.normal(size=n_steps).round(digits)
+
+    return Trace(
+        x=numbers(4), y=numbers(4), yaw=numbers(4), steer=numbers(2), throttle=numbers(2),
+        action=rng.integers(10, size=n_steps), reward=numbers(3),
+        all_wheels_on_track=rng.random(n_steps) < 0.5, progress=np.sort(numbers(4)),
+        closest_waypoint=rng.integers(99, size=n_steps), crashes=np.arange(n_steps) // 2,
+        status=status,
+    )  # fmt: skip
+
+
+def rows_of(path):
+    with path.open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def metrics_of(folder):
+    return json.loads((folder / ALONE[1]).read_text(encoding="utf-8"))["metrics"]
+
+
+def test_what_is_written_is_read_again(tmp_path):
+    written = [trace(3, "lap_complete"), trace(1, "crashed", seed=1), trace(5, "time_up", seed=2)]
+    Simtrace(tmp_path, TASK).train(1, written)
+    ((k, read),) = read_training(tmp_path)
+    assert k == 1
+    for ours, theirs in zip(written, read, strict=True):
+        assert theirs.status == ours.status
+        for name in vars(ours):
+            assert_array_equal(getattr(theirs, name), getattr(ours, name), err_msg=name)
+
+
+def test_rows_are_deepracers(tmp_path):
+    Simtrace(tmp_path, TASK).train(1, [trace(3, "lap_complete"), trace(2, "in_progress")])
+    rows = rows_of(tmp_path / ALONE[0])
+    assert tuple(rows[0]) == COLUMNS
+    assert [(row["episode"], row["steps"]) for row in rows] == [
+        ("0", "1.0"), ("0", "2.0"), ("0", "3.0"), ("1", "1.0"), ("1", "2.0")
+    ]  # fmt: skip
+    told = [(row["episode_status"], row["done"]) for row in rows]
+    assert told == [
+        ("prepare", "False"), ("in_progress", "False"), ("lap_complete", "True"),
+        ("prepare", "False"), ("in_progress", "False"),
+    ]  # fmt: skip
+    assert_allclose([float(row["tstamp"]) for row in rows], np.arange(5) / 15, atol=1e-4)
+    assert {row["track_len"] for row in rows} == {"17.7000"}
+
+
+def test_episodes_count_on_also_over_the_teachers_iterations(tmp_path):
+    log = Simtrace(tmp_path, TASK.with_settings(["ppo.n_episodes=2"]))
+    log.train(1, [trace(), trace()])
+    log.evaluate(1, [trace(4, "lap_complete")])
+    log.evaluate(2, [trace()])  # after an instance iteration
+    log.train(3, [trace(), trace()])
+    assert [k for k, _ in read_training(tmp_path)] == [1, 3]
+    third = rows_of(tmp_path / "training-simtrace" / "2-iteration.csv")
+    assert sorted({row["episode"] for row in third}) == ["4", "5"]
+    told = [(item["episode"], item["trial"], item["phase"]) for item in metrics_of(tmp_path)]
+    assert told == [
+        (1, 1, "training"), (2, 2, "training"), (2, 2, "evaluation"), (4, 2, "evaluation"),
+        (5, 1, "training"), (6, 2, "training"),
+    ]  # fmt: skip
+    assert metrics_of(tmp_path)[2]["episode_status"] == "Lap complete"
+    assert metrics_of(tmp_path)[2]["elapsed_time_in_milliseconds"] == round(4000 / 15)
+    starts = [item["start_time"] for item in metrics_of(tmp_path)]
+    ends = [item["metric_time"] for item in metrics_of(tmp_path)]
+    assert starts[1:] == ends[:-1]  # one after the other
+
+
+def test_an_evaluation_beside_a_training_leaves_its_log_alone(tmp_path):
+    Simtrace(tmp_path, TASK).train(1, [trace()])
+    before = [(tmp_path / place).read_text() for place in ALONE]
+    files = Simtrace(tmp_path, TASK).evaluate_alone("20261231235959", [trace(2)])
+    (own,) = files
+    assert own == tmp_path / "evaluation-20261231235959" / "evaluation-simtrace" / "0-iteration.csv"
+    assert [(tmp_path / place).read_text() for place in ALONE] == before
+    assert len(rows_of(own)) == 2
+
+
+def test_settings_come_back_from_the_files_beside_the_log(tmp_path):
+    task = TASK.with_settings(['env.sensors="stereo+lidar"', "ppo.learning_rate=1e-4"])
+    Simtrace(tmp_path, task)
+    settings = read_model_metadata(tmp_path / "model" / "model_metadata.json")
+    assert settings["sensors"] == "stereo+lidar"
+    assert tuple(map(tuple, settings["actions"])) == task.env.actions
+    ppo = read_hyperparameters(tmp_path / "ip" / "hyperparameters.json")
+    assert all(getattr(task.ppo, name) == value for name, value in ppo.items())
+
+
+@pytest.mark.skipif(not REAL.is_dir(), reason="the DeepRacer logs are not here")
+def test_real_logs_are_read():
+    drives = read_simtrace(REAL / "drfc1-training-12-iteration.csv")
+    assert len(drives) == 20
+    assert {drive.status for drive in drives} == {"off_track"}
+    assert sum(map(len, drives)) == 1373
+    assert drives[0].x[0] == 3.199954121958313
+
+
+def test_episodes_of_a_rollout_are_cut_where_they_end():
+    class Rollout:
+        valid = np.array([[1, 1], [1, 1], [0, 1], [1, 0], [1, 0]], bool)[:, None]
+        terminations = np.array([[0, 0], [1, 0], [0, 1], [0, 0], [0, 0]], bool)[:, None]
+        truncations = np.zeros_like(terminations)
+        actions = np.zeros((5, 1, 2), int)
+        rewards = np.arange(10.0).reshape(5, 1, 2)
+        records = {name: np.zeros((5, 1, 2)) for name in TASK.env.records}  # noqa: RUF012
+
+    found = driven(Rollout, TASK.env, 0)
+    assert [episode.reward.tolist() for episode in found] == [[0, 2], [6, 8], [1, 3, 5]]
+    assert_allclose(found[0].steer, [-30, -30])
+    assert found[0].throttle.tolist() == [0.5, 0.5]
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_the_communitys_tools_load_a_training_and_an_evaluation(repaint, home, monkeypatch):
+    logs = pytest.importorskip("deepracer.logs", reason="deepracer-utils is not installed")
+    monkeypatch.setenv("AWS_DEFAULT_REGION", "us-east-1")
+    said = repaint(
+        "transfer", "--method", "scratch", "--task", "racer-inner", "--run", "run", *QUICK_LAP
+    )
+    assert said.code == 0
+    assert "wrote run/deepracer/: seed-0" in said.out
+    folder = home / "run" / "deepracer" / "seed-0"
+    log = logs.DeepRacerLog(str(folder))
+    log.load()
+    frame = log.dataframe()
+    assert sorted(frame["unique_episode"].unique()) == list(range(6))
+    table = logs.AnalysisUtils.simulation_agg(frame)
+    assert len(table) == 6
+    assert log.hyperparameters()["num_episodes_between_training"] == 3
+    assert len(log.action_space()) == 10
+    metrics = logs.TrainingMetrics(None, fname=str(folder / ALONE[1])).metrics
+    assert (metrics["phase"] == "evaluation").sum() == 4
+    assert sorted(metrics["iteration"].unique()) == [0, 1]
+
+    said = repaint("eval", "run", "--simtrace", "mine")
+    assert said.code == 0
+    assert "wrote mine/metrics/: TrainingMetrics.json" in said.out
+    log = logs.DeepRacerLog(str(home / "mine"))
+    log.load()
+    table = logs.AnalysisUtils.simulation_agg(log.dataframe())
+    told = json.loads((home / "run" / "eval.json").read_text())
+    assert_allclose(table["reward"], told["returns"][0])
+    assert_allclose(table["progress"], told["progress"][0], atol=1e-4)
+    assert_array_equal(table["steps"], told["lengths"][0])
+    log.load_evaluation_trace(force=True)
+    assert len(log.dataframe()) == sum(told["lengths"][0])
+
+
+def test_only_races_have_such_logs(repaint):
+    said = repaint("eval", "reacher", "--simtrace", "mine")
+    assert said.code == 3
+    assert "expected --simtrace with a racing task, found 'reacher'; leave it out" in said.err
