@@ -1,10 +1,11 @@
 """Let a policy play, deterministically, and say how it went."""
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
-from repaint_cli.learn.frames import parts
+from repaint_cli.learn.frames import each
 from repaint_cli.learn.rollout import Policy, Rollout, clip, collect, start
 from repaint_cli.learn.seeding import Purpose, env_seeds, generator
 from repaint_cli.nets import ActorCritic
@@ -36,8 +37,8 @@ class Episodes:
     targets: np.ndarray | None
     """Where the fingertip should go, (S, E, 2) in m."""
 
-    images: list[list[np.ndarray]] | None = None
-    """What the camera saw before each step, [S][E] of (T, H, W) uint8, where it was asked for."""
+    sights: list[list[Any]] | None = None
+    """What the car saw after each step, [S][E] of observations (T, *O), where it was asked for."""
 
     @property
     def progress(self) -> np.ndarray | None:
@@ -97,7 +98,7 @@ def evaluate(
     iteration: int = 0,
     purpose: Purpose = Purpose.EVALUATE,
     *,
-    keep_images: bool = False,
+    keep_sights: bool = False,
 ) -> Episodes:
     """Play E episodes with each seed's most likely actions.
 
@@ -112,7 +113,7 @@ def evaluate(
         n_episodes: E.
         iteration: after which iteration.
         purpose: EVALUATE during training, SCORE for a teacher's score.
-        keep_images: whether to return what the camera saw.
+        keep_sights: whether to return what the car saw.
     """
     act = policy.policy if isinstance(policy, ActorCritic) else policy
     noise = task.eval.noise == "paper"
@@ -122,7 +123,7 @@ def evaluate(
     rollout = replace(rollout, actions=clip(rollout.actions, env))
     env.close()
     played = _episodes(task, rollout, env_seeds(seeds, purpose, iteration, n_episodes))
-    return replace(played, images=_images(rollout)) if keep_images else played
+    return replace(played, sights=_sights(rollout)) if keep_sights else played
 
 
 def _episodes(task: TaskCard, rollout: Rollout, seeds: list[int]) -> Episodes:
@@ -161,12 +162,12 @@ def _paths(
     return np.where(seen, target + gap, np.nan).transpose(0, 2, 1, 3), target[:, 0]
 
 
-def _images(rollout: Rollout) -> list[list[np.ndarray]]:
-    """Return the first channel of each episode's images, [S][E] of (T, H, W)."""
-    seen = []
-    for s, store in enumerate(rollout.frames.stores):
-        rows = [
-            rollout.index[:-1, s, e][rollout.valid[:, s, e]] for e in range(rollout.valid.shape[2])
+def _sights(rollout: Rollout) -> list[list[Any]]:
+    """Return the observation that followed each step of each episode, [S][E] of (T, *O)."""
+    return [
+        [
+            each(lambda part, rows: part.numpy()[rows], store, after[valid])
+            for after, valid in zip(rollout.index[1:, s].T, rollout.valid[:, s].T, strict=True)
         ]
-        seen.append([parts(store)[0].numpy()[row, ..., 0] for row in rows])
-    return seen
+        for s, store in enumerate(rollout.frames.stores)
+    ]

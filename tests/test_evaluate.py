@@ -100,12 +100,27 @@ def test_a_racing_episode_knows_how_it_ended(lap):
     assert_array_equal(played.progress, played.records["progress"][-1])
 
 
-def test_images_are_kept_when_asked_for(lap):
+def test_what_the_car_saw_is_kept_when_asked_for(lap):
     network = student(lap)
-    assert evaluate(network, lap, [0], 2).images is None
-    (episodes,) = evaluate(network, lap, [0], 2, keep_images=True).images
-    assert [images.shape for images in episodes] == [(12, 120, 160)] * 2
+    assert evaluate(network, lap, [0], 2).sights is None
+    (episodes,) = evaluate(network, lap, [0], 2, keep_sights=True).sights
+    assert [images.shape for images in episodes] == [(12, 120, 160, 1)] * 2
     assert episodes[0][0].std() > 0
+
+
+def test_a_sight_is_what_followed_the_step():
+    lap = read_task("racer-avoid").with_settings([*SMALL, "env.max_steps=3", "eval.noise=none"])
+    network = student(lap)
+    ((seen,),) = evaluate(network, lap, [0], 1, keep_sights=True).sights
+    assert {name: part.shape for name, part in seen.items()} == {
+        "camera": (3, 120, 160, 2), "lidar": (3, 64)
+    }  # fmt: skip
+    env = lap.make_env(1, one_episode=True)
+    env.reset(seed=env_seeds([0], Purpose.EVALUATE, 0, 1), options=lap.start_options(1, 1, None))
+    for t, action in enumerate(evaluate(network, lap, [0], 1).actions[:, 0, 0]):
+        obs, *_ = env.step(np.array([action]))
+        assert_array_equal(obs["camera"][0], seen["camera"][t])
+        assert_array_equal(obs["lidar"][0], seen["lidar"][t])
 
 
 def test_other_tasks_have_no_paths_and_no_progress(reacher):
@@ -132,8 +147,8 @@ def test_every_other_racing_episode_goes_the_other_way_where_the_card_says_so(la
 def test_noise_is_as_large_as_the_card_says(lap):
     names = ("action_noise", "brightness_noise", "pixel_noise", "salt_pepper", "shift")
     none, nought, some = (
-        evaluate(student(lap), lap.with_settings(settings), [0], 2, keep_images=True)
+        evaluate(student(lap), lap.with_settings(settings), [0], 2, keep_sights=True)
         for settings in (["eval.noise=none"], [f"eval.{name}=0" for name in names], [])
     )
-    assert_array_equal(none.images[0][0], nought.images[0][0])
-    assert (none.images[0][0][0] != some.images[0][0][0]).mean() > 0.5
+    assert_array_equal(none.sights[0][0], nought.sights[0][0])
+    assert (none.sights[0][0][0] != some.sights[0][0][0]).mean() > 0.5

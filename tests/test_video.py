@@ -12,11 +12,21 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
+from repaint_cli.envs.racer.boxes import BEAM_X, LENGTH, WIDTH
 from repaint_cli.envs.racer.car import FRONT_OFFSET
+from repaint_cli.envs.racer.reference import scan
 from repaint_cli.errors import RenderError, StoreError
 from repaint_cli.report import offscreen
 from repaint_cli.report.offscreen import Episode, find_renderer, frames, render_gym
-from repaint_cli.report.racer_film import CAR_COLOUR, HEIGHT, MAP_WIDTH, NOSE, Drive, racer_frames
+from repaint_cli.report.racer_film import (
+    CAR_COLOUR,
+    HEIGHT,
+    MAP_WIDTH,
+    NOSE,
+    Drive,
+    beam_ends,
+    racer_frames,
+)
 from repaint_cli.report.video import CAPTION_HEIGHT, caption, write_video
 
 ANGLES = np.linspace(0, 2 * np.pi, 60)
@@ -95,7 +105,8 @@ def drive(n_steps=40):
     )
     one = np.ones(n_steps)
     bots = np.tile([[-3.4, 0.0, 1.0]], (n_steps, 1, 1))
-    return Drive(xy, heading, one * 0.7, one * -0.2, turns * 15, one, images, bots)
+    ranges = np.tile(np.where(np.arange(64) < 32, 0.5, 1.0), (n_steps, 1))
+    return Drive(xy, heading, one * 0.7, one * -0.2, turns * 15, one, images, ranges, bots)
 
 
 def test_the_films_car_has_its_nose_where_the_simulators_has():
@@ -115,7 +126,7 @@ def test_the_car_is_where_the_drive_says_and_the_camera_beside_it():
     assert end[1] < 0.2 * MAP_WIDTH
     tops = [car_pixels(frame)[:, 0].min() for frame in film]
     assert tops[20] < tops[0]  # y points up
-    assert_array_equal(film[30][:360, MAP_WIDTH:], 150)
+    assert_array_equal(film[30][:232, MAP_WIDTH:], 150)
 
 
 def test_frames_are_independent_and_the_trail_grows():
@@ -245,3 +256,28 @@ def test_the_report_floor_leaves_pyplot_and_renderers_alone():
         [sys.executable, "-c", code], capture_output=True, text=True, check=True
     )
     assert not {"matplotlib.pyplot", "mujoco", "torch", "gymnasium"} & set(loaded.stdout.split())
+
+
+def test_a_beam_ends_where_the_simulators_meets_a_bot():
+    state = np.array([[1.0, 2.0, 0.7, 0.0, 0.0]])
+    behind = np.array([[[0.6, 1.5, 0.2, 0.0]]])
+    ranges = scan(state[0], behind[0])
+    met = [(ahead, left) for ahead, left, free in beam_ends(ranges) if not free]
+    assert len(met) > 3
+    turn = np.array([[np.cos(0.7), -np.sin(0.7)], [np.sin(0.7), np.cos(0.7)]])
+    lidar = np.array([BEAM_X, 0.0])
+    points = state[0, :2] + (np.array(met) + lidar) @ turn.T
+    turn = np.array([[np.cos(0.2), -np.sin(0.2)], [np.sin(0.2), np.cos(0.2)]])
+    own = np.abs((points - behind[0, 0, :2]) @ turn)
+    on_the_hull = np.abs(own - [LENGTH / 2, WIDTH / 2]).min(axis=1)
+    assert on_the_hull.max() < 1e-3
+
+
+def test_the_lidar_is_in_the_corner_of_the_picture_where_there_is_one():
+    with_lidar, without = (
+        next(racer_frames(**OVAL, drive=one, title="racer"))
+        for one in (drive(3), replace(drive(3), ranges=np.empty((3, 0))))
+    )
+    rows, columns = np.argwhere((with_lidar != without).any(axis=2)).T
+    assert (rows.min(), rows.max()) == (360 - 128, 360 - 9)
+    assert (columns.min(), columns.max()) == (MAP_WIDTH + 8, MAP_WIDTH + 127)

@@ -104,9 +104,9 @@ def examine(
     task = customize(task, None, eval__episodes=n_episodes, eval__noise=noise)
     n_episodes = task.eval.episodes
     seeds = who.seeds if seed is None else seed_list(seed, 1) * len(who.seeds)
-    images = render and task.env.simulator == "racer"
+    sights = render and task.env.simulator == "racer"
     played = evaluate(
-        who.network, task, seeds, n_episodes, purpose=Purpose.SCORE, keep_images=images
+        who.network, task, seeds, n_episodes, purpose=Purpose.SCORE, keep_sights=sights
     )
     out.print(table(who, played))
     written = [who.folder / "eval.json"]

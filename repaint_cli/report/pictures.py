@@ -8,6 +8,7 @@ import numpy as np
 
 from repaint_cli.evaluate import Episodes
 from repaint_cli.history import Run
+from repaint_cli.learn.frames import parts
 from repaint_cli.metrics import Report
 from repaint_cli.report.curves import plot_curves
 from repaint_cli.report.offscreen import Episode, render_gym
@@ -144,7 +145,8 @@ def _replay(played: Episodes, e: int) -> Episode:
 
 
 def _drive(played: Episodes, e: int) -> Drive:
-    assert played.images is not None
+    assert played.sights is not None
+    images, *ranges = parts(played.sights[0][e])
     steps = played.lengths[0, e]
     state = {name: rows[:steps, 0, e] for name, rows in played.records.items()}
     ahead = NOSE * np.stack([np.cos(state["heading"]), np.sin(state["heading"])], -1)
@@ -155,6 +157,7 @@ def _drive(played: Episodes, e: int) -> Drive:
         steering=state["steering"],
         progress=state["progress"],
         reward=played.rewards[:steps, 0, e],
-        images=played.images[0][e],
+        images=images[..., 0],
+        ranges=ranges[0] if ranges else np.empty((steps, 0)),
         bots=state.get("bots", np.empty((steps, 0, 3))),
     )

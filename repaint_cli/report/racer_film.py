@@ -27,8 +27,12 @@ FINE = 2
 """The map is drawn this many times finer and averaged, so that trail and car have smooth edges."""
 NOSE = 0.14
 """The front point, ahead of the base point, m."""
+BEAMS_FROM, BEAMS_TO, RANGE = np.deg2rad(30), np.deg2rad(330), 1.0
+"""The lidar's first and last beam, leftwards from straight ahead (rad), and its reach, m."""
 CAR_COLOUR, BOT_COLOUR = "#009E73", "#666666"
 CAMERA_HEIGHT = 360
+LIDAR_SIZE = 120
+"""Of the lidar's view in the corner of the camera's, pixels."""
 COLUMN = SIDE_WIDTH / 4
 
 ToPixels = Callable[[Floats], Floats]
@@ -53,6 +57,9 @@ class Drive:
     """(T,)."""
     images: NDArray[np.uint8]
     """What the (left) camera sees, grey, (T, H, W); W divides 480 best."""
+    ranges: Floats
+    """What the lidar reads, from ahead on the left around the back to the right, (T, B), m; B is 0
+    without one."""
     bots: Floats
     """Other cars' x, y (m) and heading (rad), (T, B, 3)."""
 
@@ -165,6 +172,9 @@ def _board() -> Image.Image:
 def _draw_numbers(side: Image.Image, drive: Drive, t: int, total: float) -> None:
     """Put the camera's picture and the numbers of step `t` on the board."""
     side.paste(_enlarged(drive.images[t]), (0, 0))
+    if drive.ranges.shape[1]:
+        view = _scan_view(drive.ranges[t])
+        side.paste(view, (8, CAMERA_HEIGHT - view.height - 8))
     pen = ImageDraw.Draw(side)
     numbers = (
         f"{drive.speed[t]:.2f} m/s",
@@ -179,6 +189,28 @@ def _draw_numbers(side: Image.Image, drive: Drive, t: int, total: float) -> None
     steps = f"step {t + 1} of {len(drive.xy)}"
     below = f"camera {width}×{height}  ·  {steps}  ·  return {total:.1f}".replace("-", "−")
     pen.text((SIDE_WIDTH / 2, 450), below, "#555555", font(14), anchor="mm")
+
+
+def _scan_view(ranges: Floats) -> Image.Image:
+    """Draw the lidar's beams around the car, which points up; those that meet something glow."""
+    size, middle = LIDAR_SIZE * FINE, LIDAR_SIZE * FINE / 2
+    view = Image.new("RGB", (size, size), "#15171c")
+    pen = ImageDraw.Draw(view)
+    metre = middle - 6 * FINE
+    for ahead, left, free in beam_ends(ranges):
+        end = (middle - left * metre, middle - ahead * metre)
+        pen.line([(middle, middle), end], "#3d434d" if free else "#ffc233", width=FINE)
+    half = np.array([CAR_WIDTH, CAR_LENGTH]) / 2 * metre
+    pen.rectangle([*(middle - half), *(middle + half)], CAR_COLOUR, "white")
+    pen.text((4 * FINE, 2 * FINE), "lidar, 1 m", "#c8ccd4", font(9 * FINE))
+    return view.reduce(FINE)
+
+
+def beam_ends(ranges: Floats) -> Iterator[tuple[float, float, bool]]:
+    """Yield where each beam (B,) ends, ahead and to the left of the lidar (m), and whether free."""
+    angles = np.linspace(BEAMS_FROM, BEAMS_TO, len(ranges))
+    for angle, reach in zip(angles, ranges, strict=True):
+        yield float(np.cos(angle) * reach), float(np.sin(angle) * reach), bool(reach >= RANGE)
 
 
 def _enlarged(image: NDArray[np.uint8]) -> Image.Image:
