@@ -12,7 +12,7 @@ FLOORS = [
     {"deepracer", "files", "envs", "distributions", "normalizer", "spaces", "report.statistics"},
     {"simulators"},
     {"tasks", "nets"},
-    {"cards", "learn", "similarity"},
+    {"cards", "learn", "similarity", "reward_fit"},
     {"evaluate", "checkpoint", "history"},
     {"zoo", "metrics", "traces"},
     {"simtrace"},

@@ -26,6 +26,8 @@ def similarity(
     cards = [_card(name) for name in names or shipped_tasks()]
     if len(cards) == 1:
         cards += [_card(name) for name in shipped_tasks() if name != cards[0].name]
+    if any(card.reward_code for card in cards):
+        cards = _with_weights(cards, as_json)
     pairs = [
         {"teacher": a.name, "target": b.name, "cosine": cosine(a, b), "relation": relation(a, b)}
         for a in cards for b in cards if a is not b
@@ -44,15 +46,45 @@ def _card(name: str) -> "TaskCard":
     """Read a task's card, or the card inside a teacher."""
     from repaint_cli import zoo
     from repaint_cli.cards import read_task, shipped_tasks
-    from repaint_cli.errors import NotFound
+    from repaint_cli.errors import CardError, NotFound
 
     if name.endswith(".toml") or name in shipped_tasks():
         return read_task(name)
     teachers = zoo.teachers()
     if name in teachers or name.endswith(".safetensors"):
-        return zoo.read_card(zoo.find(name)).task
+        card = zoo.read_card(zoo.find(name)).task
+        if card.reward_code:
+            raise CardError(
+                f"'{name}' was trained with the reward function {card.reward_code.name}, which is "
+                "never run from a teacher's file; name its card: my-task.toml"
+            )
+        return card
     known = [*shipped_tasks(), *teachers]
     raise NotFound.named("task or teacher", name, known, "repaint tasks list, repaint zoo list")
+
+
+def _with_weights(cards: "list[TaskCard]", quiet: bool) -> "list[TaskCard]":
+    """Return the cards with weights in place of reward functions, fitted; say which.
+
+    A racing task beside them weighs the terms that it does not name with 0.
+    """
+    from repaint_cli.reward_fit import fit, weighed
+    from repaint_cli.simulators import RacerEnv
+
+    found, plain = dict[bool, list[str]](), list(cards)
+    for i, card in enumerate(cards):
+        if card.reward_code and isinstance(card.env, RacerEnv):
+            weights = fit(card)
+            if not quiet:
+                print(f"{card.name} weighs {weights}")
+            plain[i] = weighed(card, weights)
+            found[card.env.n_bots > 0] = list(weights.weights)
+    for i, card in enumerate(plain):
+        names = found.get(card.env.n_bots > 0) if isinstance(card.env, RacerEnv) else None
+        if names and card.reward.keys() <= set(names):
+            filled = {name: card.reward.get(name, 0.0) for name in names}
+            plain[i] = card.model_copy(update={"reward": filled})
+    return plain
 
 
 def _print_matrix(cards: "list[TaskCard]") -> None:

@@ -156,6 +156,11 @@ class Fleet:
             terms |= traffic_terms(self._encounters, sides, terms["lane"])
         return {name: term * drove for name, term in terms.items()}
 
+    @property
+    def lap_fractions(self) -> Floats:
+        """Where along the lap the cars are, from the start line, (N,)."""
+        return self._measures[:, NDIST]
+
     def report(self) -> dict[str, Any]:
         """Tell where the cars are and how they do, by name, each (N,) in new arrays.
 

@@ -19,68 +19,46 @@ LIMIT = 1e5
 """DeepRacer ends a job whose rewards are larger."""
 
 
-class RewardFile(VectorWrapper):
-    """Adds what the user's function pays to the infos, as the reward term "function"."""
+class RewardFunction:
+    """A copy of a user's module and its function."""
 
-    def __init__(self, env: Any, name: str, source: str) -> None:
-        """Run the module once per environment.
+    def __init__(self, name: str, source: str) -> None:
+        """Run the module.
 
         Args:
-            env: a `RacerVectorEnv`.
             name: of the file, for messages.
             source: its text.
 
         Raises:
             CardError: it does not run, or has no `reward_function(params)`.
         """
-        super().__init__(env)
-        self._name, self._racer = name, env
-        self._functions = [self._load(source) for _ in range(env.num_envs)]
-        self._ended = np.zeros(env.num_envs, bool)
-        self._parks = env.metadata["autoreset_mode"] is AutoresetMode.DISABLED
-
-    def reset(self, **kwargs: Any) -> tuple[Any, dict[str, Any]]:
-        """Start every environment afresh."""
-        self._ended[:] = False
-        return self.env.reset(**kwargs)
-
-    def step(self, actions: Any) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
-        """Drive every car, and ask what its step is worth.
-
-        Raises:
-            CardError: the function failed, or paid something that is no number within ±100,000.
-        """
-        obs, reward, terminated, truncated, info = self.env.step(actions)
-        paid = np.zeros(self.num_envs)
-        for row in np.flatnonzero(~self._ended):
-            paid[row] = self._ask(int(row))
-        over = terminated | truncated
-        self._ended = self._ended | over if self._parks else over
-        return obs, reward, terminated, truncated, info | {TERM: paid}
-
-    def _load(self, source: str) -> Any:
-        module: dict[str, Any] = {"__name__": "reward_function", "__file__": self._name}
+        self._name = name
+        module: dict[str, Any] = {"__name__": "reward_function", "__file__": name}
         try:
-            exec(compile(source, self._name, "exec"), module)
+            exec(compile(source, name, "exec"), module)
         except (Exception, SystemExit) as error:
             raise CardError(self._blame(error)) from error
         function = module.get("reward_function")
         if not callable(function):
-            raise CardError(f"{self._name}: expected def reward_function(params), found none")
+            raise CardError(f"{name}: expected def reward_function(params), found none")
         given = signature(function).parameters.values()
         places = [parameter for parameter in given if parameter.default is Parameter.empty]
         if len(places) != 1:
             raise CardError(
-                f"{self._name}: expected reward_function(params), found one of {len(places)} "
+                f"{name}: expected reward_function(params), found one of {len(places)} "
                 "arguments as before 2019; take what it needs from the dictionary params"
             )
-        return function
+        self._function = function
 
-    def _ask(self, row: int) -> float:
-        params = self._racer.params(row)
+    def __call__(self, params: dict[str, Any], row: int) -> float:
+        """Return what it pays environment `row` for a step.
+
+        Raises:
+            CardError: it failed, or paid something that is no number within ±100,000.
+        """
         step = f"at step {params['steps']:.0f} of environment {row}"
         try:
-            paid = self._functions[row](params)
+            paid = self._function(params)
         except (Exception, SystemExit) as error:
             raise CardError(f"{self._blame(error)} ({step})") from error
         try:
@@ -101,3 +79,34 @@ class RewardFile(VectorWrapper):
         line = error.lineno if isinstance(error, SyntaxError) else (lines[-1] if lines else None)
         reason = (str(error) or type(error).__name__).splitlines()[0]
         return f"{self._name}:{line}: {type(error).__name__}: {reason}"
+
+
+class RewardFile(VectorWrapper):
+    """Adds what the user's function pays to the infos, as the reward term "function"."""
+
+    def __init__(self, env: Any, name: str, source: str) -> None:
+        """Run the module once per environment; see `RewardFunction`."""
+        super().__init__(env)
+        self._racer = env
+        self._functions = [RewardFunction(name, source) for _ in range(env.num_envs)]
+        self._ended = np.zeros(env.num_envs, bool)
+        self._parks = env.metadata["autoreset_mode"] is AutoresetMode.DISABLED
+
+    def reset(self, **kwargs: Any) -> tuple[Any, dict[str, Any]]:
+        """Start every environment afresh."""
+        self._ended[:] = False
+        return self.env.reset(**kwargs)
+
+    def step(self, actions: Any) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
+        """Drive every car, and ask what its step is worth.
+
+        Raises:
+            CardError: the function failed, or paid something that is no number within ±100,000.
+        """
+        obs, reward, terminated, truncated, info = self.env.step(actions)
+        paid = np.zeros(self.num_envs)
+        for row in np.flatnonzero(~self._ended).tolist():
+            paid[row] = self._functions[row](self._racer.params(row), row)
+        over = terminated | truncated
+        self._ended = self._ended | over if self._parks else over
+        return obs, reward, terminated, truncated, info | {TERM: paid}
