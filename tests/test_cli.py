@@ -266,3 +266,30 @@ def test_replace_replaces(repaint, home):
     before = path.read_bytes()
     assert repaint(*words, "--seed", 4, "--run", "two", "--replace").code == 0
     assert path.read_bytes() != before
+
+
+def test_compare_draws_the_paths_of_several_tasks_on_one_track(repaint, home):
+    for task, method in (("racer-outer", "scratch"), ("racer-inner", "scratch")):
+        repaint("transfer", "--task", task, "--method", method, "--run", task, *QUICK_LAP)
+    said = repaint("compare", "racer-outer", "racer-inner", "--trajectories")
+    assert said.code == 0
+    assert "racer-outer: scratch" in said.out
+    assert "wrote ./: compare-trajectories.png" in said.out
+    assert (home / "compare-trajectories.png").read_bytes().startswith(b"\x89PNG")
+    outer, inner = strict(
+        repaint("compare", "racer-outer", "racer-inner", "--trajectories", "--json").out
+    )
+    assert (outer["task"], inner["task"]) == ("racer-outer", "racer-inner")
+    assert np.shape(outer["returns"]) == np.shape(outer["progress"]) == (1, 20)
+
+
+def test_compare_draws_no_paths_of_several_places(repaint, home):
+    repaint("transfer", "--task", "racer-inner", "--method", "scratch", "--run", "a", *QUICK_LAP)
+    repaint(*SCRATCH, "--run", "b")
+    said = repaint("compare", "a", "b", "--trajectories")
+    assert said.code == 3
+    assert said.err == (
+        "error: expected runs on one track or in one environment, found Reacher-v5, reinvent-like\n"
+    )
+    assert repaint("compare", "b", "--trajectories", "--output", "paths.png").code == 0
+    assert (home / "paths.png").exists()

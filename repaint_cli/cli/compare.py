@@ -8,17 +8,29 @@ import typer
 
 def compare(
     folders: Annotated[list[Path], typer.Argument(help="Runs' folders, all on one task.")],
-    output: Annotated[Path, typer.Option(help="The picture.")] = Path("compare.png"),
+    output: Annotated[Path | None, typer.Option(help="The picture; default: compare.png.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+    trajectories: Annotated[
+        bool,
+        typer.Option(
+            "--trajectories",
+            help="Play the runs' last policies instead, 20 episodes each, and draw their paths; "
+            "races may be of several tasks on one track.",
+        ),
+    ] = False,
 ) -> None:
     """Compare runs on one task: return over time, its area, iterations to scratch's best."""
+    from repaint_cli.cli import side_by_side
     from repaint_cli.cli.session import say_written
-    from repaint_cli.cli.side_by_side import print_comparison, read_runs
     from repaint_cli.report.pictures import draw_curves
 
-    runs = read_runs(folders)
-    print_comparison(runs, as_json)
+    if trajectories:
+        return side_by_side.play(folders, output or Path("compare-trajectories.png"), as_json)
+    runs = side_by_side.read_runs(folders)
+    side_by_side.print_comparison(runs, as_json)
     task = next(iter(runs.values())).task.name
-    draw_curves(runs, output, title=f"{task}: {', '.join(runs)}")
+    picture = output or Path("compare.png")
+    draw_curves(runs, picture, title=f"{task}: {', '.join(runs)}")
     if not as_json:
-        say_written([output], "repaint transfer --help")
+        say_written([picture], "repaint transfer --help")
+    return None

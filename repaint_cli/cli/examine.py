@@ -4,22 +4,19 @@ import json
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-from rich.table import Table
-
 from repaint_cli import checkpoint, traces, zoo
 from repaint_cli.cards import read_task
 from repaint_cli.cli.options import customize, seed_list
+from repaint_cli.cli.played import racing_summary, table
 from repaint_cli.cli.screen import out
 from repaint_cli.cli.session import say_written
 from repaint_cli.errors import CardError, RenderError, TeacherMismatch
 from repaint_cli.evaluate import Episodes, evaluate, spaces_of
 from repaint_cli.files import write_text
-from repaint_cli.history import newest_run, read_run
+from repaint_cli.history import Run, newest_run, read_run
 from repaint_cli.learn.seeding import Purpose
 from repaint_cli.nets import ActorCritic
 from repaint_cli.report.pictures import Colour, draw_trajectories, film
-from repaint_cli.report.statistics import mean_ci
 from repaint_cli.runs import stamp
 from repaint_cli.simtrace import Simtrace
 from repaint_cli.simulators import GymEnv, RacerEnv
@@ -56,8 +53,7 @@ def subject(what: str | None, task: str | None, root: Path) -> Subject:
     is_run = (folder / "run.json").is_file()
     if what is None or is_run or (folder.is_dir() and what not in zoo.teachers()):
         run = read_run(folder)
-        network = ActorCritic(spaces_of(run.task), run.task.net, len(run.record["seeds"]))
-        checkpoint.load_networks(folder / "checkpoint.safetensors", network)
+        network = policies(run)
         if card and spaces_of(card) != network.spaces:
             raise TeacherMismatch(
                 f"the policies in {folder} have {network.spaces}, "
@@ -80,6 +76,17 @@ def subject(what: str | None, task: str | None, root: Path) -> Subject:
     name = teacher.name if target == teacher.task else f"{teacher.name} on {target.name}"
     folder = root / target.name / f"eval-{teacher.name}-{stamp()}"
     return Subject(name, network, [teacher.seed], target, folder, f"repaint similarity {what}")
+
+
+def policies(run: Run) -> ActorCritic:
+    """Return a run's last policies.
+
+    Raises:
+        CheckpointError: its checkpoint is damaged.
+    """
+    network = ActorCritic(spaces_of(run.task), run.task.net, len(run.record["seeds"]))
+    checkpoint.load_networks(run.folder / "checkpoint.safetensors", network)
+    return network
 
 
 def examine(
@@ -108,7 +115,7 @@ def examine(
     played = evaluate(
         who.network, task, seeds, n_episodes, purpose=Purpose.SCORE, keep_sights=sights
     )
-    out.print(table(who, played))
+    out.print(table(who.name, who.seeds, played))
     written = [who.folder / "eval.json"]
     write_text(written[0], json.dumps(summary(who, played, seeds), indent=2) + "\n")
     drawn = who.folder / "eval-trajectories.png"
@@ -161,52 +168,3 @@ def summary(who: Subject, played: Episodes, seeds: list[int]) -> dict[str, objec
         "lengths": played.lengths.tolist(),
         "mean_terms": dict(zip(weights, terms.tolist(), strict=True)),
     } | racing_summary(played)
-
-
-def racing_summary(played: Episodes) -> dict[str, object]:
-    """Return the numbers of races as JSON: progress (%), lap times (s), how episodes ended."""
-    from repaint_cli.envs.racer import STATUS
-
-    if played.progress is None or played.status is None or played.lap_times is None:
-        return {}
-    seconds = played.lap_times
-    return {
-        "progress": played.progress.tolist(),
-        "lap_times": [[None if np.isnan(time) else time for time in row] for row in seconds],
-        "status": [[STATUS[int(code)] for code in row] for row in played.status],
-    }
-
-
-def table(who: Subject, played: Episodes) -> Table:
-    """Lay a row per seed: mean return with its interval over episodes, and laps or the length."""
-    racing = played.progress is not None
-    more = ["progress, %", "laps", "lap time, s", "crashes"] if racing else ["length"]
-    rows = Table("seed", "return [95 % CI]", *more, title=who.name, title_justify="left", box=None)
-    for s, seed in enumerate(who.seeds):
-        cells = laps(played, s) if racing else [f"{played.lengths[s].mean():.0f}"]
-        rows.add_row(str(seed), interval(played.returns[s]), *cells)
-    return rows
-
-
-def laps(played: Episodes, s: int) -> list[str]:
-    """Return a seed's progress, laps, lap times and crashes, for people."""
-    from repaint_cli.envs.racer import STATUS
-
-    progress, status, seconds = played.progress, played.status, played.lap_times
-    assert progress is not None
-    assert status is not None
-    assert seconds is not None
-    whole = seconds[s][~np.isnan(seconds[s])]
-    crashes = int((status[s] == STATUS.index("crashed")).sum())
-    return [
-        interval(progress[s]),
-        f"{len(whole)} of {len(seconds[s])}",
-        interval(whole) if len(whole) else "-",
-        str(crashes),
-    ]
-
-
-def interval(numbers: np.ndarray) -> str:
-    """Return a mean with its 95 % interval, which one number has not."""
-    mean, low, high = mean_ci(numbers)
-    return f"{mean:.4g}" + ("" if np.isnan(low) else f" [{low:.4g}, {high:.4g}]")

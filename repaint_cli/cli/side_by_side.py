@@ -7,10 +7,20 @@ from pathlib import Path
 import numpy as np
 from rich.table import Table
 
+from repaint_cli.cli.examine import policies
+from repaint_cli.cli.played import racing_summary, table
 from repaint_cli.cli.screen import out
+from repaint_cli.cli.session import say_written
 from repaint_cli.errors import CardError
+from repaint_cli.evaluate import evaluate
 from repaint_cli.history import Run, read_run
+from repaint_cli.learn.seeding import Purpose
+from repaint_cli.report.pictures import draw_trajectories
 from repaint_cli.report.statistics import area_under_curve, iterations_to
+from repaint_cli.simulators import RacerEnv
+
+EPISODES = 20
+"""Episodes that the paper draws of each policy."""
 
 MARKS = (1, 5, 10, 20)
 """Iterations whose returns are shown."""
@@ -25,8 +35,7 @@ def read_runs(folders: Sequence[Path]) -> dict[str, Run]:
         NotFound: there is no such folder.
         CardError: they are of several tasks, or there is none.
     """
-    read = [read_run(f) for f in folders if (f / "run.json").is_file() or not f.is_dir()]
-    read = [run for run in read if run.returns.size]
+    read = _finished(folders)
     tasks = sorted({run.task.name for run in read})
     if len(tasks) != 1:
         raise CardError(f"expected runs of one task, found {', '.join(tasks) or 'no run'}")
@@ -39,6 +48,47 @@ def read_runs(folders: Sequence[Path]) -> dict[str, Run]:
                 )
     labels = [run.label for run in read]
     return {run.label if labels.count(run.label) == 1 else str(run.folder): run for run in read}
+
+
+def _finished(folders: Sequence[Path]) -> list[Run]:
+    """Read those folders that are runs with a finished iteration."""
+    read = [read_run(f) for f in folders if (f / "run.json").is_file() or not f.is_dir()]
+    return [run for run in read if run.returns.size]
+
+
+def play(folders: Sequence[Path], picture: Path, as_json: bool) -> None:
+    """Let the last policies of runs play, and draw the first seeds' paths side by side.
+
+    Raises:
+        NotFound: there is no such folder.
+        CardError: there is no run, they drive on several tracks, or their task has no paths.
+    """
+    runs = _finished(folders)
+    if not runs or len({_place(run) for run in runs}) > 1:
+        found = ", ".join(sorted({_place(run) for run in runs})) or "no run"
+        raise CardError(f"expected runs on one track or in one environment, found {found}")
+    panels, told = [], []
+    for run in runs:
+        seeds = run.record["seeds"]
+        played = evaluate(policies(run), run.task, seeds, EPISODES, purpose=Purpose.SCORE)
+        panels.append((f"{run.task.name}: {run.label}", played))
+        told.append({"run": str(run.folder), "task": run.task.name, "label": run.label})
+        told[-1] |= {"returns": played.returns.tolist()} | racing_summary(played)
+        if not as_json:
+            out.print(table(panels[-1][0], seeds, played))
+    title = f"the last policies, {EPISODES} episodes each, first seeds"
+    if not draw_trajectories(runs[0].task, panels, picture, title):
+        raise CardError(f"expected a task with paths to draw, found '{runs[0].task.name}'")
+    if as_json:
+        print(json.dumps(told, indent=2))
+    else:
+        say_written([picture], "repaint compare --help")
+
+
+def _place(run: Run) -> str:
+    """Return where a run's paths lie: the track, or the environment's id."""
+    env = run.task.env
+    return env.track if isinstance(env, RacerEnv) else env.id
 
 
 def rows(runs: dict[str, Run]) -> list[dict[str, object]]:

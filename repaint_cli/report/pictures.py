@@ -24,6 +24,8 @@ from repaint_cli.tasks import TaskCard
 Colour = Literal["speed", "reward"]
 UNITS: dict[Colour, str] = {"speed": "speed [m/s]", "reward": "reward per step"}
 
+LONG = 24
+"""Letters of a name that has a line of its own over its panel."""
 PANELS = 6
 """Checkpoints whose trajectories are drawn."""
 
@@ -101,7 +103,8 @@ def draw_trajectories(
 
 def _paths(label: str, played: Episodes, colour: Colour) -> Paths:
     assert played.paths is not None
-    label += f" · return {played.returns[0].mean():.4g}"
+    label += "\n" if len(label) > LONG else " · "
+    label += f"return {played.returns[0].mean():.4g}"
     if played.progress is None or played.status is None:
         targets = None if played.targets is None else played.targets[0]
         return Paths(played.paths[0], label, target=targets)
