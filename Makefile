@@ -4,7 +4,7 @@ BIN := .venv/bin
 LIGHT := .venv-light/bin
 STAMP := .venv/.installed
 
-.PHONY: demo test test-slow test-light check
+.PHONY: demo test test-slow test-light check bench
 
 $(STAMP): pyproject.toml constraints.txt
 	$(PYTHON) -m venv .venv
@@ -33,3 +33,7 @@ test-light:
 	$(LIGHT)/python -m pip install --quiet --no-deps -e .
 	$(LIGHT)/ruff check
 	$(LIGHT)/pytest
+
+# Side-by-side speed measurements; let nothing else run meanwhile.
+bench: $(STAMP)
+	$(BIN)/python benchmarks/simulators.py
