@@ -1,5 +1,7 @@
 """Reward functions of DeepRacer users, run as they are."""
 
+import re
+
 import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode
@@ -131,7 +133,10 @@ def test_the_limit_itself_is_allowed():
 
 
 def test_it_trains_transfers_from_a_lane_teacher_and_its_teacher_runs_no_code(repaint, mine, home):
-    assert repaint("train-teacher", "--task", mine).code == 0
+    trained = repaint("train-teacher", "--task", mine)
+    assert trained.code == 0
+    (following,) = re.findall("next: repaint (.*) --render-offscreen", trained.out)
+    assert repaint(*following.split()).code == 0
     said = repaint("eval", "mine")
     assert said.code == CardError.exit_code
     assert "never run from a teacher's file; name the task: --task my-task.toml" in said.err

@@ -84,7 +84,8 @@ def carry_out(plan: Plan, tensorboard: bool, teacher: tuple[str, Path] | None = 
     following = f"repaint eval {plan.folder} --render-offscreen"
     if teacher and not interrupted:  # before anything that might fail
         written.append(experiment.best_teacher(*teacher))
-        following = f"repaint eval {teacher[0]} --render-offscreen"
+        if not plan.task.reward_code:  # which is never run from a teacher's file
+            following = f"repaint eval {teacher[0]} --render-offscreen"
     written += draw_run(read_run(plan.folder), experiment.reports)
     if isinstance(plan.task.env, RacerEnv):
         written += log_folders(plan.folder, plan.seeds)
