@@ -51,12 +51,12 @@ def sets(**values: object) -> tuple[str, ...]:
 
 
 def paper_numbers(task: str) -> tuple[str, ...]:
-    """Return the paper's numbers where ours may differ: raw ζ, the teacher as trained, β₀ = 0.2."""
+    """Return the paper's numbers where ours may differ: raw ζ, the teacher as trained, β₀, 1:1."""
     lasts, threshold = (4, 0.2) if task.startswith("racer") else (15, 0.8)
     return sets(
         select__scale="none", select__threshold=threshold, transfer__iterations=lasts,
-        transfer__kickstart_coef=0.2, transfer__teacher_min_std=0, transfer__teacher_temperature=1,
-        transfer__alpha_2=1,
+        transfer__representation=1, transfer__kickstart_coef=0.2, transfer__teacher_min_std=0,
+        transfer__teacher_temperature=1, transfer__alpha_2=1,
     )  # fmt: skip
 
 
@@ -105,8 +105,10 @@ def choose_rows(task: str) -> Iterator[Row]:
 def confirm_rows(task: str) -> Iterator[Row]:
     """Yield the most promising settings, to be told apart on fresh seeds and for longer."""
     yield Row("scratch", "scratch")
-    for teacher, (beta, length, scale, alpha, softness) in product(TEACHERS[task], FINALISTS[task]):
+    for teacher, finalist in product(TEACHERS[task], FINALISTS[task]):
+        beta, length, scale, alpha, softness, own = finalist
         options = SPREAD[task] + sets(
+            transfer__representation=own,
             transfer__kickstart_coef=beta,
             transfer__iterations=length,
             transfer__alpha_2=alpha,
@@ -116,6 +118,7 @@ def confirm_rows(task: str) -> Iterator[Row]:
         label = f"repaint from {teacher}, β₀={beta}, K={length}, {scale}"
         label += f", α₂={alpha}" if alpha != 1 else ""
         label += f", temperature {softness}" if softness != 1 else ""
+        label += f", ratio {own}:1" if own != 1 else ""
         yield Row(label, "repaint", teacher, options)
 
 
@@ -129,12 +132,15 @@ SPREAD = {
 }
 FINALISTS = {
     "reacher": (
-        (0.2, 4, "none", 1, 1), (0.2, 4, "teacher-batch", 1, 1), (0.2, 4, "teacher-batch", 0.1, 1),
-        (0.2, 15, "teacher-batch", 1, 1),
+        (0.2, 4, "none", 1, 1, 1), (0.2, 4, "teacher-batch", 1, 1, 1),
+        (0.2, 4, "teacher-batch", 0.1, 1, 1), (0.2, 15, "teacher-batch", 1, 1, 1),
     ),
-    "racer-outer": ((0.2, 4, "none", 0.1, 1), (0.05, 4, "none", 0.1, 1), (0.2, 4, "none", 0.1, 3)),
+    "racer-outer": (
+        (0.2, 4, "none", 0.1, 1, 1), (0.05, 4, "none", 0.1, 1, 1), (0.2, 4, "none", 0.1, 3, 1),
+        (0.2, 3, "none", 0.1, 3, 1), (0.2, 2, "none", 0.1, 3, 1), (0.05, 4, "none", 0.1, 3, 3),
+    ),
 }  # fmt: skip
-"""β₀, K, the scale of ζ, α₂ and the softmax temperature of a discrete teacher."""
+"""β₀, K, the scale of ζ, α₂, the softmax temperature of a discrete teacher, and R of the ratio."""
 ROWS = {"choose": choose_rows, "confirm": confirm_rows, "readme": readme_rows}
 PLANS = {
     ("readme", "reacher"): ("0", "3", "20"),
