@@ -128,7 +128,7 @@ LENGTHS = {"reacher": (15, 4), "racer-outer": (4,)}
 ALPHAS = {"reacher": (1,), "racer-outer": (1, 0.1)}
 SPREAD = {
     "reacher": sets(transfer__teacher_min_std=0.4),
-    "racer-outer": sets(transfer__teacher_temperature=1),
+    "racer-outer": sets(transfer__teacher_temperature=1, transfer__representation=1),
 }
 FINALISTS = {
     "reacher": (

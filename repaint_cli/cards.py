@@ -54,6 +54,9 @@ def _resolve(path: Path) -> dict[str, Any]:
     if not isinstance(base, str) or base not in known or known[base] == path:
         raise NotFound.named("task", str(base), known, "repaint tasks list")
     whole = _merge(_resolve(known[base]), data)
+    ppo = data.get("ppo")
+    if isinstance(ppo, dict) and "n_steps" in ppo and "n_episodes" not in ppo:
+        whole["ppo"].pop("n_episodes", None)  # the new card counts otherwise
     return whole | code
 
 
@@ -69,7 +72,10 @@ def _resolve_files(data: dict[str, Any], folder: Path) -> None:
         if isinstance(env.get("model_metadata"), str):
             data["env"] = read_model_metadata(folder / env.pop("model_metadata")) | env
     if isinstance(ppo, dict) and isinstance(ppo.get("hyperparameters"), str):
-        data["ppo"] = read_hyperparameters(folder / ppo.pop("hyperparameters")) | ppo
+        theirs = read_hyperparameters(folder / ppo.pop("hyperparameters"))
+        if "n_steps" in ppo:
+            theirs.pop("n_episodes", None)
+        data["ppo"] = theirs | ppo
 
 
 def _reward_code(data: dict[str, Any], folder: Path) -> dict[str, Any]:

@@ -127,9 +127,7 @@ class NetConfig(Settings):
     """Dense layers on a vector, or convolutions on an image."""
     hidden: tuple[PositiveInt, ...] = (64, 64)
     """Widths of the dense tanh layers of an `mlp`."""
-    conv: Literal["3-layer", "4-layer", "5-layer"] | tuple[Convolution, ...] = EYES[
-        "3-layer"
-    ].layers
+    conv: Literal["3-layer", "4-layer", "5-layer"] | tuple[Convolution, ...] = "3-layer"
     """One of the paper's by name, or (filters, kernel, stride) of each ReLU convolution."""
     dense: int = Field(512, gt=0)
     """Width of the ReLU layer between the convolutions and the head."""

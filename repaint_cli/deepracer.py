@@ -55,10 +55,12 @@ def read_hyperparameters(path: Path) -> dict[str, Any]:
 def hyperparameters(ppo: PPOConfig) -> dict[str, Any]:
     """Return [ppo] settings as DeepRacer's `hyperparameters.json` has them."""
     named = {theirs: getattr(ppo, ours) for theirs, ours in PPO_NAMES.items()}
-    return named | {
-        "exploration_type": "categorical", "loss_type": "mean squared error", "stack_size": 1,
-        "term_cond_max_episodes": ppo.n_iterations * (ppo.n_episodes or 0),
-    }  # fmt: skip
+    if ppo.n_episodes is None:
+        del named["num_episodes_between_training"]
+    else:
+        named["term_cond_max_episodes"] = ppo.n_iterations * ppo.n_episodes
+    fixed = {"exploration_type": "categorical", "loss_type": "mean squared error", "stack_size": 1}
+    return named | fixed
 
 
 def _number(value: Any) -> Any:
@@ -85,7 +87,7 @@ def model_metadata(actions: Sequence[Sequence[float]], sensors: str, deep: bool)
     names = {"camera": "FRONT_FACING_CAMERA", "stereo": "STEREO_CAMERAS"}
     return {
         "action_space": [
-            {"steering_angle": angle, "speed": speed, "index": i}
+            {"steering_angle": float(angle), "speed": float(speed), "index": i}
             for i, (angle, speed) in enumerate(actions)
         ],
         "action_space_type": "discrete",
@@ -125,7 +127,7 @@ def _actions(path: Path, space: Any) -> list[list[float]]:
 
 def _sensors(path: Path, data: dict[str, Any]) -> str:
     named = data.get("sensor", ["observation"])
-    wanted = frozenset(named) if isinstance(named, list) else frozenset([str(named)])
+    wanted = frozenset(map(str, named if isinstance(named, list) else [named]))
     if wanted not in SENSORS:
         known = "; ".join(" and ".join(sorted(each)) for each in SENSORS)
         raise CardError(f"{path}: expected the sensors {known}; found {', '.join(sorted(wanted))}")

@@ -146,6 +146,11 @@ def _episodes(task: TaskCard, rollout: Rollout, seeds: list[int]) -> Episodes:
     )
 
 
+def has_paths(task: TaskCard) -> bool:
+    """Tell whether a task's episodes lead along paths: a car's, or the fingertip's of Reacher."""
+    return not isinstance(task.env, GymEnv) or task.env.id == "Reacher-v5"
+
+
 def _paths(
     task: TaskCard, rollout: Rollout, records: dict[str, np.ndarray]
 ) -> tuple[np.ndarray | None, np.ndarray | None]:
@@ -153,7 +158,7 @@ def _paths(
     if records:
         xy = np.stack([records["x"], records["y"]], -1)  # (T, S, E, 2)
         return np.moveaxis(xy, 0, 2), None
-    if not (isinstance(task.env, GymEnv) and task.env.id == "Reacher-v5"):
+    if not has_paths(task):
         return None, None
     stores = [store.numpy() for store in rollout.frames.stores]
     obs = np.stack([store[rollout.index[:, s]] for s, store in enumerate(stores)])  # (S, T+1, E, O)

@@ -4,6 +4,8 @@ A DeepRacer user's function has no weights w. Where it is nearly a weighted sum 
 terms φ anyway, r ≈ w·φ over recorded states gives them (paper, section 6, asks for such a form).
 """
 
+import sys
+from contextlib import redirect_stdout
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,8 +17,8 @@ from repaint_cli.tasks import TaskCard
 N_CARS, N_STEPS = 64, 250
 LEAST_R_SQUARED = 0.9
 """Below this a function is no weighted sum, and a cosine would say nothing."""
-NEGLIGIBLE = 1e-6
-"""A weight that much smaller than the largest is 0."""
+NEGLIGIBLE = 0.02
+"""A term that moves the reward by less, in its standard deviations, weighs 0."""
 
 
 @dataclass(frozen=True)
@@ -25,6 +27,8 @@ class Fit:
 
     weights: dict[str, float]
     """w by the terms' names."""
+    constant: float
+    """What it pays for every step besides; no term, and so in no cosine."""
     r_squared: float
     """R², the share of the reward's variance that w·φ explains."""
     n_states: int
@@ -32,25 +36,42 @@ class Fit:
 
     def __str__(self) -> str:
         terms = ", ".join(f"{name} {weight:.3g}" for name, weight in self.weights.items())
-        return f"{terms} (R² {self.r_squared:.3f} over {self.n_states:,} states)"
+        always = f", {self.constant:.3g} always" if abs(self.constant) >= 0.005 else ""
+        return f"{terms}{always} (R² {self.r_squared:.3f} over {self.n_states:,} states)"
 
 
 def fit(task: TaskCard) -> Fit:
     """Fit the weights of a task's reward function on what 64 wandering cars meet.
 
-        w = argmin Σ (r − w·φ)²,   R² = 1 − Σ (r − w·φ)² / Σ (r − r̄)²
+        w, c = argmin Σ (r − w·φ − c)²,   R² = 1 − Σ (r − w·φ − c)² / Σ (r − r̄)²
+
+    What it prints goes to stderr.
 
     Raises:
         CardError: the function failed, or always pays the same.
     """
-    phi, paid, names = _record(task)
-    w, *_ = np.linalg.lstsq(phi, paid, rcond=None)
-    w[np.abs(w) < NEGLIGIBLE * np.abs(w).max()] = 0.0
-    spread = ((paid - paid.mean()) ** 2).sum()
-    if spread == 0 or not w.any():
+    with redirect_stdout(sys.stderr):
+        phi, paid, names = _record(task)
+    if np.ptp(paid) == 0:
         raise CardError(f"the reward function of '{task.name}' always pays {paid[0]:.4g}")
-    r_squared = 1 - ((paid - phi @ w) ** 2).sum() / spread
-    return Fit(dict(zip(names, w.tolist(), strict=True)), float(r_squared), len(paid))
+    w, constant = _least_squares(phi, paid, np.ones(len(names), np.bool_))
+    matters = np.abs(w) * phi.std(axis=0) >= NEGLIGIBLE * paid.std()
+    w, constant = _least_squares(phi, paid, matters)
+    left = paid - phi @ w - constant
+    r_squared = 1 - (left**2).sum() / ((paid - paid.mean()) ** 2).sum()
+    weights = dict(zip(names, w.tolist(), strict=True))
+    return Fit(weights, constant, float(r_squared), len(paid))
+
+
+def _least_squares(
+    phi: np.ndarray, paid: np.ndarray, matters: np.ndarray
+) -> tuple[np.ndarray, float]:
+    """Return the weights (F,) of the terms that matter (F,), 0 for the others, and a constant."""
+    columns = np.column_stack([phi[:, matters], np.ones(len(phi))])
+    found, *_ = np.linalg.lstsq(columns, paid, rcond=None)
+    w = np.zeros(phi.shape[1])
+    w[matters] = found[:-1]
+    return w, float(found[-1])
 
 
 def weighed(task: TaskCard, found: Fit) -> TaskCard:
@@ -78,7 +99,11 @@ def _record(task: TaskCard) -> tuple[np.ndarray, np.ndarray, list[str]]:
     env, code = task.env, task.reward_code
     assert isinstance(env, RacerEnv)
     assert code is not None
-    fleet = Fleet(load_track(env.track), N_CARS, env.car, env.max_steps, env.n_bots, env.crash)
+    track = load_track(env.track)
+    try:
+        fleet = Fleet(track, N_CARS, env.car, env.max_steps, env.n_bots, env.crash)
+    except ValueError as error:
+        raise CardError(f"[env]: {error}") from error
     functions = [RewardFunction(code.name, code.source) for _ in range(N_CARS)]
     phi, paid, names = [], [], list[str]()
     for rows, gained in wander(fleet, commands_of(env.actions), N_STEPS, seed=0):

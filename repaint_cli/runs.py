@@ -127,13 +127,13 @@ class Experiment:
 
     def _record(self, report: Report) -> None:
         folder = self.plan.folder
+        for s, log in enumerate(self._logs):
+            self._log_drives(log, report, s)
         checkpoint.save_learner(folder / CHECKPOINT, self.learner, {"task": self.plan.task.name})
         rows = [
             row | {"seed": seed} for row, seed in zip(report.rows, self.plan.seeds, strict=True)
         ]
         append_csv(folder / "metrics.csv", rows)
-        for s, log in enumerate(self._logs):
-            self._log_drives(log, report, s)
         self.reports.append(replace(report, stats=replace(report.stats, rollout=None)))
         means = report.evaluation.returns.mean(1)
         s = int(means.argmax())

@@ -7,15 +7,16 @@ from repaint_cli.tasks import TaskCard
 
 
 def cosine(first: TaskCard, second: TaskCard) -> float | None:
-    """Return the similarity of two tasks, or None where their terms or environments differ.
+    """Return the similarity of two tasks, or None where their environments differ.
+
+    A term that a card does not name weighs 0.
 
     sim(r₁, r₂) = w₁·w₂ / (‖w₁‖‖w₂‖)      (paper, equation 4)
     """
     w1, w2 = first.reward, second.reward
-    same_world = _world(first) == _world(second) and first.reward_code == second.reward_code
-    if not same_world or set(w1) != set(w2):
+    if _world(first) != _world(second) or first.reward_code != second.reward_code:
         return None
-    dot = sum(w1[name] * w2[name] for name in w1)
+    dot = sum(w1[name] * w2[name] for name in w1.keys() & w2.keys())
     return dot / sqrt(sum(w * w for w in w1.values()) * sum(w * w for w in w2.values()))
 
 
@@ -29,10 +30,12 @@ def relation(teacher: TaskCard, target: TaskCard) -> str:
     similarity = cosine(teacher, target)
     if similarity is None:
         return "not comparable"
-    part = any(weight == 0 and target.reward[name] != 0 for name, weight in teacher.reward.items())
+    part = any(weight and not teacher.reward.get(name) for name, weight in target.reward.items())
     return ("similar" if similarity > 0 else "different") + (", sub-task" if part else "")
 
 
-def _world(card: TaskCard) -> tuple[str, ...]:
+def _world(card: TaskCard) -> tuple[str, str]:
+    """Return what decides which reward terms there are."""
     env = card.env
-    return (env.simulator, env.id) if isinstance(env, GymEnv) else (env.simulator,)
+    kind = env.id if isinstance(env, GymEnv) else "with bots" if env.n_bots else "alone"
+    return env.simulator, kind

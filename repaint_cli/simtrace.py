@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from repaint_cli.deepracer import hyperparameters, model_metadata
+from repaint_cli.errors import StoreError
 from repaint_cli.files import write_text
 from repaint_cli.simulators import RacerEnv, load_track
 from repaint_cli.tasks import TaskCard
@@ -29,35 +30,32 @@ COLUMNS = (
 )  # fmt: skip
 """Of a simtrace, in DeepRacer's order."""
 
-STEP_SECONDS = 1 / 15
+TRAINING, METRICS = "training-simtrace", "metrics/TrainingMetrics.json"
 
 
 class Simtrace:
     """One car's log folder; its clock runs on from episode to episode, in simulated seconds."""
 
     def __init__(self, folder: Path, task: TaskCard) -> None:
-        """Write what does not change; the folder may hold earlier evaluations.
+        """Write what does not change; the folder may hold earlier logs of the same settings.
 
         Args:
             folder: where.
             task: a racing task.
 
         Raises:
-            StoreError: the folder cannot be written.
+            StoreError: the folder cannot be written, or holds logs of other settings.
         """
+        from repaint_cli.envs.racer.car import STEP_SECONDS
+
         assert isinstance(task.env, RacerEnv)
         self.folder = folder
+        self._step = STEP_SECONDS
         self._per_iteration = task.ppo.n_episodes or 0
         self._length = load_track(task.env.track).length
         self._clock, self._episodes = 0.0, 0
         self._metrics: list[dict[str, Any]] = []
-        deep = len(task.net.eyes.layers) > 3
-        self._write_json(
-            "model/model_metadata.json", model_metadata(task.env.actions, task.env.sensors, deep)
-        )
-        self._write_json("ip/hyperparameters.json", hyperparameters(task.ppo))
-        if task.reward_code:
-            write_text(folder / "reward_function.py", task.reward_code.source)
+        self._write_settings(task, task.env)
 
     def train(self, k: int, traces: Sequence[Trace]) -> None:
         """Log the training episodes of iteration k, from 1.
@@ -66,7 +64,8 @@ class Simtrace:
         drove, since the tools divide by that number.
         """
         first = max(self._episodes, (k - 1) * self._per_iteration)
-        self._write(f"training-simtrace/{k - 1}-iteration.csv", traces, first, "training")
+        text = self._table(traces, first, "training")
+        write_text(self.folder / TRAINING / f"{k - 1}-iteration.csv", text)
         self._episodes = first + len(traces)
         self._write_metrics()
 
@@ -86,27 +85,47 @@ class Simtrace:
             traces: an episode each.
         """
         places = [f"evaluation-{stamp}/evaluation-simtrace/0-iteration.csv"]
-        if not (self.folder / "training-simtrace").is_dir():
-            places.append("training-simtrace/0-iteration.csv")
+        alone = not (self.folder / TRAINING).is_dir()
+        if alone:
+            places.append(f"{TRAINING}/0-iteration.csv")
+        text = self._table(traces, 0, "evaluation")
         for place in places:
-            self._clock, self._metrics = 0.0, []
-            self._write(place, traces, 0, "evaluation")
-        if len(places) > 1:
+            write_text(self.folder / place, text)
+        if alone:
             self._write_metrics()
-            places.append("metrics/TrainingMetrics.json")
+            places.append(METRICS)
         return [self.folder / place for place in places]
 
-    def _write(self, place: str, traces: Sequence[Trace], first: int, phase: str) -> None:
+    def _write_settings(self, task: TaskCard, env: RacerEnv) -> None:
+        deep = len(task.net.eyes.layers) > 3
+        texts = {
+            "model/model_metadata.json": _json(model_metadata(env.actions, env.sensors, deep)),
+            "ip/hyperparameters.json": _json(hyperparameters(task.ppo)),
+            "reward_function.py": task.reward_code.source if task.reward_code else None,
+        }
+        for place, text in texts.items():
+            path = self.folder / place
+            used = (self.folder / TRAINING).is_dir()
+            if used and (path.read_text(encoding="utf-8") if path.is_file() else None) != text:
+                raise StoreError(
+                    f"{self.folder} holds logs of other settings: its {place} differs; "
+                    "name another folder"
+                )
+        for place, text in texts.items():
+            if text is not None:
+                write_text(self.folder / place, text)
+
+    def _table(self, traces: Sequence[Trace], first: int, phase: str) -> str:
+        """Return the rows of some episodes as CSV, and note the episodes."""
         text = io.StringIO()
         writer = csv.writer(text, lineterminator="\n")
         writer.writerow(COLUMNS)
         for i, trace in enumerate(traces):
-            start = self._clock
+            writer.writerows(self._rows(first + i, trace))
             self._note(first + i + 1, trace, phase, trial=i + 1)
-            writer.writerows(self._rows(first + i, trace, start))
-        write_text(self.folder / place, text.getvalue())
+        return text.getvalue()
 
-    def _rows(self, episode: int, trace: Trace, start: float) -> Iterator[tuple[Any, ...]]:
+    def _rows(self, episode: int, trace: Trace) -> Iterator[tuple[Any, ...]]:
         """Yield the rows of an episode; the first is "prepare", where the tools start the clock."""
         last, now = len(trace) - 1, f"{time():.3f}"
         for t in range(len(trace)):
@@ -117,12 +136,12 @@ class Simtrace:
                 trace.action[t], f"{trace.reward[t]:.6g}",
                 t == last and trace.status != "in_progress", bool(trace.all_wheels_on_track[t]),
                 f"{trace.progress[t]:.4f}", trace.closest_waypoint[t], f"{self._length:.4f}",
-                f"{start + t * STEP_SECONDS:.4f}", status, "0.0", trace.crashes[t], now,
+                f"{self._clock + t * self._step:.4f}", status, "0.0", trace.crashes[t], now,
             )  # fmt: skip
 
     def _note(self, episode: int, trace: Trace, phase: str, trial: int | None = None) -> None:
         """Add an episode to the metrics, and its time to the clock."""
-        seconds = len(trace) * STEP_SECONDS
+        seconds = len(trace) * self._step
         self._metrics.append({
             "reward_score": round(float(trace.reward.sum()), 4),
             "metric_time": round(1000 * (self._clock + seconds)),
@@ -138,10 +157,11 @@ class Simtrace:
 
     def _write_metrics(self) -> None:
         data = {"metrics": self._metrics, "version": 2.0, "best_model_metric": "progress"}
-        self._write_json("metrics/TrainingMetrics.json", data)
+        write_text(self.folder / METRICS, _json(data))
 
-    def _write_json(self, place: str, data: dict[str, Any]) -> None:
-        write_text(self.folder / place, json.dumps(data, indent=2) + "\n")
+
+def _json(data: dict[str, Any]) -> str:
+    return json.dumps(data, indent=2) + "\n"
 
 
 def log_folders(run: Path, seeds: Sequence[int]) -> list[Path]:
@@ -151,7 +171,7 @@ def log_folders(run: Path, seeds: Sequence[int]) -> list[Path]:
 
 def read_training(folder: Path) -> Iterator[tuple[int, list[Trace]]]:
     """Yield the training episodes of a log folder by iteration, k from 1, in order."""
-    files = folder.glob("training-simtrace/*-iteration.csv")
+    files = folder.glob(f"{TRAINING}/*-iteration.csv")
     for path in sorted(files, key=lambda file: int(file.name.partition("-")[0])):
         yield int(path.name.partition("-")[0]) + 1, read_simtrace(path)
 

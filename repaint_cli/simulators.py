@@ -85,7 +85,7 @@ RECORDS = (
 
 
 class RacerEnv(Settings):
-    """Our racing simulator: a car with a camera on a closed track, alone or among bots."""
+    """Our racing simulator: a car with a camera on a track, alone or among bots."""
 
     simulator: Literal["racer"]
     """Which simulator this is."""

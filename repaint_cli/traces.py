@@ -6,12 +6,15 @@ Angles are in degrees, as the logs have them; the other units are SI, progress i
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from repaint_cli.evaluate import Episodes
-from repaint_cli.learn.rollout import Rollout
 from repaint_cli.simulators import RacerEnv
+
+if TYPE_CHECKING:
+    from repaint_cli.evaluate import Episodes
+    from repaint_cli.learn.rollout import Rollout
 
 
 @dataclass(frozen=True)
@@ -46,8 +49,13 @@ class Trace:
     def __len__(self) -> int:
         return len(self.x)
 
+    @property
+    def xy(self) -> np.ndarray:
+        """Where the car's front point was after each step, (T, 2), m."""
+        return np.stack([self.x, self.y], axis=1)
 
-def driven(rollout: Rollout, env: RacerEnv, s: int) -> list[Trace]:
+
+def driven(rollout: "Rollout", env: RacerEnv, s: int) -> list[Trace]:
     """Return a seed's training episodes, environment by environment; the last may be unfinished.
 
     Args:
@@ -63,7 +71,7 @@ def driven(rollout: Rollout, env: RacerEnv, s: int) -> list[Trace]:
     ]
 
 
-def played(episodes: Episodes, env: RacerEnv, s: int) -> list[Trace]:
+def played(episodes: "Episodes", env: RacerEnv, s: int) -> list[Trace]:
     """Return a seed's evaluated episodes.
 
     Args:

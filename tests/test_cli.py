@@ -292,4 +292,6 @@ def test_compare_draws_no_paths_of_several_places(repaint, home):
         "error: expected runs on one track or in one environment, found Reacher-v5, reinvent-like\n"
     )
     assert repaint("compare", "b", "--trajectories", "--output", "paths.png").code == 0
+    only_races = repaint("eval", "b", "--colour", "reward")
+    assert "expected --colour with a racing task, found 'reacher'; leave it out" in only_races.err
     assert (home / "paths.png").exists()

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from repaint_cli.cards import read_task
-from repaint_cli.deepracer import read_model_metadata
+from repaint_cli.deepracer import hyperparameters, read_model_metadata
 from repaint_cli.errors import CardError
 
 REAL = Path(__file__).parents[2] / "shared" / "data" / "deepracer"
@@ -55,6 +55,7 @@ def test_real_files_are_read(tmp_path):
         ({"action_space": [{"speed": 1}]}, "to list steering_angle and speed"),
         ({"action_space": None}, "to list steering_angle and speed, found None"),
         ({"sensor": ["LIDAR"]}, "found LIDAR"),
+        ({"sensor": [["a"], {}]}, r"found \['a'\], \{\}"),
         ({"sensor": ["SECTOR_LIDAR", "STEREO_CAMERAS"]}, "found SECTOR_LIDAR, STEREO_CAMERAS"),
     ],
 )
@@ -132,3 +133,10 @@ def test_hyperparameters_are_ppos_and_the_card_outranks_them(home):
 def test_wrong_hyperparameters_are_named(home, wrong, message):
     with pytest.raises(CardError, match=message):
         card_with(home, wrong)
+
+
+def test_a_card_that_counts_steps_keeps_counting_them(home):
+    ppo = card_with(home, THEIRS, n_steps=4000, n_envs=2).ppo
+    assert (ppo.n_episodes, ppo.n_steps, ppo.minibatch_size) == (None, 4000, 128)
+    back = hyperparameters(ppo)
+    assert not {"num_episodes_between_training", "term_cond_max_episodes"} & back.keys()

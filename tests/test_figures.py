@@ -1,24 +1,28 @@
 """The figures: what is drawn, that no text is cut, and that a file is whole or absent."""
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
+from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from numpy.testing import assert_allclose
 from PIL import Image
 
 from repaint_cli.errors import StoreError
-from repaint_cli.report import look
+from repaint_cli.report import look, road
 from repaint_cli.report.curves import plot_curves, spread
-from repaint_cli.report.sweep import sweep
-from repaint_cli.report.training import Drive, plot_heatmap, plot_progress
+from repaint_cli.report.road import draw_road
+from repaint_cli.report.sweep import cell_of, sweep
+from repaint_cli.report.training import plot_heatmap, plot_progress
 from repaint_cli.report.trajectories import Paths, plot_racer, plot_reacher
+from repaint_cli.traces import Trace
 
 NAN = np.nan
 ANGLES = np.linspace(0, 2 * np.pi, 60)
 RING = np.stack([np.cos(ANGLES), np.sin(ANGLES)], axis=1)
+RING[-1] = RING[0]
 OVAL = {"inner": RING * [3.0, 1.5], "centre": RING * [3.4, 1.9], "outer": RING * [3.8, 2.3]}
 
 
@@ -218,8 +222,53 @@ def training(n_iterations=8, n_episodes=5):
             turns = np.linspace(e, e + 2 * np.pi * k / n_iterations, 40)
             xy = np.stack([3.4 * np.cos(turns), 1.9 * np.sin(turns)], axis=1)
             status = "lap_complete" if k == n_iterations else ("off_track", "crashed")[e % 2]
-            drives.append(Drive(k, xy, 100 * k / n_iterations, status))
+            nothing = {field.name: np.zeros(40) for field in fields(Trace)}
+            progress = np.linspace(0, 100 * k / n_iterations, 40)
+            known = {"x": xy[:, 0], "y": xy[:, 1], "progress": progress, "status": status}
+            drives.append((k, Trace(**nothing | known)))
     return drives
+
+
+def greys_at(lines, points):
+    """What colours the road has at some points, as hexadecimal texts."""
+    figure = look.new_figure(4, 4)
+    axes = figure.subplots()
+    draw_road(axes, *lines)
+    axes.set(xlim=(-4, 4), ylim=(-4, 4))
+    figure.canvas.draw()
+    picture = np.asarray(figure.canvas.buffer_rgba())
+    columns, rows = axes.transData.transform(points).T.astype(int)
+    return [to_hex(colour / 255) for colour in picture[len(picture) - rows, columns, :3]]
+
+
+@pytest.mark.parametrize("sense", [1, -1])
+def test_a_lane_is_filled_and_the_field_inside_is_not(sense):
+    lines = [OVAL[name][::sense] for name in ("inner", "outer", "centre")]
+    found = greys_at(lines, [(3.6, 0.1), (3.2, 0.1), (0, 0), (3.6, 3)])
+    assert found == [road.OUTER_LANE, road.INNER_LANE, "#ffffff", "#ffffff"]
+
+
+def test_an_open_road_is_filled_between_its_lines_alone():
+    x = np.linspace(0, np.pi, 30)
+    inner, centre, outer = (np.stack([np.cos(x), np.sin(x)], axis=1) * r for r in (1, 2, 3))
+    found = greys_at((inner, outer, centre), [(0, 2.5), (0, 1.5), (0, 0.5), (0, -1)])
+    assert found == [road.OUTER_LANE, road.INNER_LANE, "#ffffff", "#ffffff"]
+
+
+def test_a_large_field_has_larger_cells():
+    small, large = cell_of(np.zeros(2), np.array([8.0, 5.0])), cell_of(np.zeros(2), np.full(2, 40))
+    assert small == 0.01
+    assert (40 / large) ** 2 == pytest.approx(500_000)
+
+
+def test_a_scale_fits_small_rewards_and_does_not_magnify_noise(drawn, tmp_path):
+    for span in (0.02, 1e-5):
+        some = laps()
+        some.values[:] = 0.005 + span * some.values
+        plot_racer([some], **OVAL, path=tmp_path / "t.png", title="t")
+    small, noise = (figure.axes[0].collections[0].norm for figure in drawn)
+    assert 0.005 < small.vmin < small.vmax < 0.03
+    assert noise.vmax - noise.vmin == pytest.approx(0.0005, rel=0.1)
 
 
 def test_the_heat_map_has_four_quarters_and_all_bad_ends(drawn, tmp_path):

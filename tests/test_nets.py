@@ -265,11 +265,11 @@ def test_loaded_statistics_are_used():
 
 STEREO = Spaces((120, 160, 2), 10, discrete=True, n_beams=64)
 DEEP = {
-    "3-layer": ((14, 19), (6, 8), (4, 6)),
-    "4-layer": ((28, 38), (26, 36), (12, 17), (10, 15)),
-    "5-layer": ((58, 78), (28, 38), (26, 36), (12, 17), (10, 15)),
+    "3-layer": ((32, 14, 19), (64, 6, 8), (64, 4, 6)),
+    "4-layer": ((32, 28, 38), (32, 26, 36), (64, 12, 17), (64, 10, 15)),
+    "5-layer": ((32, 58, 78), (64, 28, 38), (64, 26, 36), (128, 12, 17), (128, 10, 15)),
 }
-"""What the layers of the paper's camera networks put out, at 60 × 80 pixels."""
+"""What the layers of the paper's camera networks put out, at 60 × 80 pixels: (C, H, W)."""
 
 
 def sights(n):
@@ -285,12 +285,10 @@ def test_the_papers_camera_networks_are_torchs(name):
     shape, weights = NetConfig(kind="cnn", conv=name).eyes, student.weights
     bend = torch.tanh if name == "4-layer" else torch.relu
     x = F.avg_pool2d(obs["camera"][0].permute(0, 3, 1, 2) / 255, 2)
-    for layer, ((filters, _, stride), size) in enumerate(
-        zip(shape.layers, DEEP[name], strict=True)
-    ):
+    for layer, ((_, _, stride), size) in enumerate(zip(shape.layers, DEEP[name], strict=True)):
         w, b = (weights[f"value.conv{layer}.{part}"][0] for part in ("weight", "bias"))
         x = bend(F.conv2d(x, w, b, stride))
-        assert x.shape == (3, filters, *size)
+        assert x.shape == (3, *size)
 
     def dense(x, layer):
         return x @ weights[f"value.{layer}.weight"][0] + weights[f"value.{layer}.bias"][0]

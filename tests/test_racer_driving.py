@@ -74,6 +74,20 @@ def test_an_open_track_is_driven_from_end_to_end(reverse):
     assert infos["dprog"][0] > 0
 
 
+@pytest.mark.parametrize("length", np.arange(8.0, 8.5, 0.05))
+def test_a_fast_car_arrives_at_the_end_of_an_open_track_and_does_not_leave_it(length):
+    line = np.stack([np.linspace(0, length, 40), np.zeros(40)], axis=1)
+    up = np.array([0, 0.4])
+    track = Track.from_waypoints(np.hstack([line, line + up, line - up]), "lane")
+    env = RacerVectorEnv(track, 1, actions=[(0, 4.0)])
+    env.reset()
+    terminated = [False]
+    while not terminated[0]:
+        _, _, terminated, _, infos = env.step(np.zeros(1, int))
+    assert STATUS[int(infos["status"][0])] == "lap_complete"
+    assert infos["fail"][0] == 0
+
+
 @pytest.mark.parametrize("lane", [1, -1])
 @pytest.mark.parametrize("name", ["reinvent-like", "wide-loop", "oval"])
 def test_shipped_tracks_can_be_lapped_in_either_lane(name, lane):

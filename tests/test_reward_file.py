@@ -141,7 +141,9 @@ def test_it_trains_transfers_from_a_lane_teacher_and_its_teacher_runs_no_code(re
     assert said.code == CardError.exit_code
     assert "never run from a teacher's file; name the task: --task my-task.toml" in said.err
     (home / "reward.py").write_text(CENTRE.replace("1e-3", "2e-3"))
-    assert repaint("eval", "mine", "--task", mine).code == 0
+    said = repaint("eval", "mine", "--task", mine)
+    assert said.code == 0
+    assert f"next: repaint similarity {mine}" in said.out
     assert repaint("transfer", "--teacher", "mine", "--task", mine, "--iterations", 2).code == 0
 
 

@@ -13,7 +13,8 @@ from repaint_cli.envs.racer.fleet import Fleet
 from repaint_cli.envs.racer.rules import LAP_COMPLETE, OFF_TRACK
 from repaint_cli.envs.racer.wander import wander
 from repaint_cli.evaluate import spaces_of
-from repaint_cli.reward_fit import fit
+from repaint_cli.reward_fit import fit, weighed
+from repaint_cli.similarity import cosine, relation
 from repaint_cli.simulators import load_track
 
 LANES = """
@@ -64,12 +65,53 @@ def test_a_weighted_sum_is_found_again(home):
     found = fit(read_task(own_card(home, LANES)))
     assert found.r_squared == pytest.approx(1)
     assert found.weights == {"lane": pytest.approx(2), "keep": 0, "dprog": 0, "fail": 0}
+    assert found.constant == pytest.approx(0, abs=1e-9)
     assert found.n_states == 16_000
     found = fit(read_task(own_card(home, KEEP, base="racer-avoid")))
     assert found.r_squared == pytest.approx(1)
     wanted = {"keep": pytest.approx(1.5), "fail": pytest.approx(-3)}
     others = dict.fromkeys(("lane", "dprog", "clear", "hazard", "camlane"), 0)
     assert found.weights == others | wanted
+
+
+def test_a_constant_is_no_term(home):
+    half = "def reward_function(params):\n    return 1.0 if params['is_left_of_center'] else 0.0"
+    card = read_task(own_card(home, half))
+    found = fit(card)
+    assert found.weights == {"lane": pytest.approx(0.5, abs=0.01), "keep": 0, "dprog": 0, "fail": 0}
+    assert found.constant == pytest.approx(0.5, abs=0.01)
+    assert ", 0.5 always (R² 0.99" in str(found)
+    plain, lanes = weighed(card, found), read_task("racer-inner")
+    assert cosine(plain, lanes) == pytest.approx(1)
+    assert relation(lanes, plain) == "similar"
+
+
+def test_what_the_function_prints_stays_out_of_the_answer(repaint, home):
+    own_card(home, "print('loaded')\n" + LANES)
+    said = repaint("similarity", "mine.toml", "racer-outer", "--json")
+    assert json.loads(said.out)[0]["relation"] == "different"
+
+
+def test_the_verdict_on_a_pair_does_not_depend_on_who_else_is_there(repaint, home):
+    (home / "keep.toml").write_text(
+        'extends = "racer-inner"\nsummary = "x"\n[reward]\nlane = 0\nkeep = 1\n'
+    )
+    own_card(home, LANES)
+    alone = json.loads(repaint("similarity", "racer-inner", "keep.toml", "--json").out)
+    among = json.loads(repaint("similarity", "racer-inner", "keep.toml", "mine.toml", "--json").out)
+    assert alone[0] in among
+    assert alone[0]["relation"] == "different, sub-task"
+
+
+def test_bots_on_an_open_track_are_refused_here_too(repaint, home):
+    line = np.stack([np.linspace(0, 6, 20), np.zeros(20)], axis=1)
+    np.save(home / "lane.npy", np.hstack([line, line + [0, 0.4], line - [0, 0.4]]))  # noqa: RUF005
+    own_card(home, LANES, base="racer-avoid")
+    with (home / "mine.toml").open("a") as card:
+        card.write('[env]\ntrack = "lane.npy"\n')
+    said = repaint("similarity", "mine.toml")
+    assert said.code == 3
+    assert "[env]: expected a closed track for bots, found 'lane', an open one" in said.err
 
 
 def test_the_same_function_always_weighs_the_same(home):
@@ -93,6 +135,7 @@ def test_similarity_fits_and_says_so(repaint, home):
 @pytest.mark.parametrize(
     ("source", "message"),
     [
+        ("def reward_function(params):\n    return 0.1", "of 'mine' always pays 0.1"),
         (CENTRE, r"nearly a weighted sum of lane, keep, dprog, fail \(R² of at least 0.9\), found"),
         ("def reward_function(params):\n    return 1", "of 'mine' always pays 1"),
         ("def reward_function(params):\n    return params['z']", "reward.py:2: KeyError: 'z'"),
@@ -101,7 +144,7 @@ def test_similarity_fits_and_says_so(repaint, home):
 def test_what_is_no_weighted_sum_is_refused(repaint, home, source, message):
     said = repaint("similarity", own_card(home, source), "racer-outer")
     assert said.code == 3
-    assert not said.out.strip() or "weighs" in said.out
+    assert ("mine weighs" in said.out) == (source is CENTRE)
     assert re.search(message, said.err)
 
 

@@ -11,7 +11,11 @@ from tiny_runs import QUICK_LAP
 
 from repaint_cli.cards import read_task
 from repaint_cli.deepracer import read_hyperparameters, read_model_metadata
+from repaint_cli.envs.racer import STATUS
+from repaint_cli.errors import StoreError
 from repaint_cli.simtrace import COLUMNS, Simtrace, read_simtrace, read_training
+from repaint_cli.simulators import load_track
+from repaint_cli.tasks import RewardCode
 from repaint_cli.traces import Trace, driven
 
 REAL = Path(__file__).parents[2] / "shared" / "data" / "deepracer" / "logs"
@@ -100,6 +104,65 @@ def test_an_evaluation_beside_a_training_leaves_its_log_alone(tmp_path):
     assert own == tmp_path / "evaluation-20261231235959" / "evaluation-simtrace" / "0-iteration.csv"
     assert [(tmp_path / place).read_text() for place in ALONE] == before
     assert len(rows_of(own)) == 2
+
+
+def test_logs_of_other_settings_are_left_alone(tmp_path):
+    Simtrace(tmp_path, TASK).train(1, [trace()])
+    before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
+    code = {"name": "r.py", "source": "def reward_function(params):\n    return 1"}
+    others = [
+        TASK.with_settings(["ppo.learning_rate=1e-5"]),
+        TASK.with_settings(['env.sensors="stereo"']),
+        TASK.model_copy(update={"reward_code": RewardCode(**code)}),
+    ]
+    for other, what in zip(others, ("hyperparameters", "model_metadata", "reward_f"), strict=True):
+        with pytest.raises(StoreError, match=f"holds logs of other settings: its .*{what}"):
+            Simtrace(tmp_path, other)
+    assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == before
+
+
+def test_every_column_of_a_trace_is_the_cars():
+    """Two cars of one seed; the first touches a bot twice, the second drives the other way."""
+    names = read_task("racer-avoid").env.records
+    records = {name: np.zeros((5, 1, 2)) for name in names if name != "bots"}
+    records["heading"][:, 0, 0] = np.pi / 2
+    records["wheels_on"][:, 0, 0] = [4, 4, 3, 4, 0]
+    records["hit"][:, 0, 0] = [0, 1, 1, 0, 1]
+    records["progress"][:, 0, 0] = np.arange(5)
+    records["waypoint"][:, 0, 0] = 7
+    records["status"][4, 0, 0] = STATUS.index("crashed")
+
+    class Rollout:
+        valid = np.ones((5, 1, 2), bool)
+        terminations = np.zeros((5, 1, 2), bool)
+        truncations = np.zeros((5, 1, 2), bool)
+        actions = np.full((5, 1, 2), 8)
+        rewards = np.ones((5, 1, 2))
+
+    Rollout.records = records
+    first, second = driven(Rollout, TASK.env, 0)
+    assert_allclose(first.yaw, 90)
+    assert first.all_wheels_on_track.tolist() == [True, True, False, True, False]
+    assert first.crashes.tolist() == [0, 1, 1, 1, 2]
+    assert first.progress.tolist() == [0, 1, 2, 3, 4]
+    assert first.closest_waypoint.tolist() == [7] * 5
+    assert (first.status, second.status) == ("crashed", "in_progress")
+    assert_allclose(first.steer, 15)
+    assert first.throttle.tolist() == [1.0] * 5
+
+
+def test_the_other_way_the_waypoints_are_counted_the_other_way(repaint, home):
+    said = repaint(
+        "eval", "racer-inner", "--simtrace", "mine", "--episodes", 2, "--noise", "none",
+        "--set", "eval.both_directions=true",
+    )  # fmt: skip
+    assert said.code == 0
+    there, back = read_simtrace(home / "mine" / ALONE[0])
+    track = load_track(TASK.env.track)
+    for drive, road in ((there, track), (back, track.reversed())):
+        gaps = np.hypot(*(road.centre[drive.closest_waypoint] - drive.xy).T)
+        assert gaps.max() < 0.5
+        assert (np.diff(drive.closest_waypoint) >= 0).mean() > 0.95
 
 
 def test_settings_come_back_from_the_files_beside_the_log(tmp_path):

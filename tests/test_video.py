@@ -31,6 +31,7 @@ from repaint_cli.report.video import CAPTION_HEIGHT, caption, write_video
 
 ANGLES = np.linspace(0, 2 * np.pi, 60)
 RING = np.stack([np.cos(ANGLES), np.sin(ANGLES)], axis=1)
+RING[-1] = RING[0]
 OVAL = {"inner": RING * [3.0, 1.5], "outer": RING * [3.8, 2.3], "centre": RING * [3.4, 1.9]}
 
 

@@ -7,7 +7,9 @@ import typer
 
 
 def compare(
-    folders: Annotated[list[Path], typer.Argument(help="Runs' folders, all on one task.")],
+    folders: Annotated[
+        list[Path], typer.Argument(help="Runs' folders; without --trajectories all on one task.")
+    ],
     output: Annotated[Path | None, typer.Option(help="The picture; default: compare.png.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
     trajectories: Annotated[

@@ -30,14 +30,19 @@ def evaluate(
         typer.Option(help="Also log every step in DeepRacer's layout, in this folder; racer only."),
     ] = None,
     colour: Annotated[
-        Literal["speed", "reward"], typer.Option(help="What colours the laps that are drawn.")
-    ] = "speed",
+        Literal["speed", "reward"] | None,
+        typer.Option(help="What colours the laps that are drawn; default: speed."),
+    ] = None,
+    settings: options.Set = None,
     seed: Annotated[
         int | None, typer.Option(help="Of the episodes; default: the policy's own.")
     ] = None,
 ) -> None:
     """Play a policy's most likely actions, say how it did, draw its paths, film it."""
-    from repaint_cli.cli.examine import examine, subject
+    from repaint_cli.cli.examine import adjusted, check_options, examine, subject
 
     chosen = subject(what, task, Path("runs"))
-    examine(chosen, episodes, noise, seed, video_episodes, render_offscreen, simtrace, colour)
+    chosen = adjusted(chosen, settings, episodes, noise)
+    only_races = {"--noise": noise, "--simtrace": simtrace, "--colour": colour}
+    check_options(chosen.task, video_episodes, only_races)
+    examine(chosen, seed, video_episodes, render_offscreen, simtrace, colour or "speed")

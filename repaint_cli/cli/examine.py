@@ -1,7 +1,8 @@
 """What `repaint eval` does: find a policy, let it play, print, draw and film."""
 
 import json
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from repaint_cli import checkpoint, traces, zoo
@@ -75,7 +76,8 @@ def subject(what: str | None, task: str | None, root: Path) -> Subject:
     target = card or teacher.task
     name = teacher.name if target == teacher.task else f"{teacher.name} on {target.name}"
     folder = root / target.name / f"eval-{teacher.name}-{stamp()}"
-    return Subject(name, network, [teacher.seed], target, folder, f"repaint similarity {what}")
+    following = f"repaint similarity {task if teacher.task.reward_code else what}"
+    return Subject(name, network, [teacher.seed], target, folder, following)
 
 
 def policies(run: Run) -> ActorCritic:
@@ -89,10 +91,40 @@ def policies(run: Run) -> ActorCritic:
     return network
 
 
+def adjusted(
+    who: Subject, settings: list[str] | None, n_episodes: int | None, noise: str | None
+) -> Subject:
+    """Return the policies with the settings of their task that the options ask for.
+
+    Raises:
+        CardError: a setting is out of range.
+        TeacherMismatch: the policies do not fit the task any more.
+    """
+    task = customize(who.task, settings, eval__episodes=n_episodes, eval__noise=noise)
+    if settings and spaces_of(task) != who.network.spaces:
+        raise TeacherMismatch(
+            f"the policies have {who.network.spaces}, the task so set has {spaces_of(task)}"
+        )
+    return replace(who, task=on_gymnasium(task))
+
+
+def check_options(task: TaskCard, n_filmed: int | None, only_races: Mapping[str, object]) -> None:
+    """Check options that not every task knows.
+
+    Raises:
+        CardError: one asks for nothing, or for what only a race has.
+    """
+    if n_filmed is not None and n_filmed < 1:
+        raise CardError(f"expected --video-episodes of at least 1, found {n_filmed}")
+    for option, given in only_races.items():
+        if given and task.env.simulator != "racer":
+            raise CardError(
+                f"expected {option} with a racing task, found '{task.name}'; leave it out"
+            )
+
+
 def examine(
     who: Subject,
-    n_episodes: int | None,
-    noise: str | None,
     seed: int | None,
     n_filmed: int | None,
     render: bool,
@@ -100,16 +132,7 @@ def examine(
     colour: Colour,
 ) -> None:
     """Evaluate, print a table, and write eval.json, eval-trajectories.png and what is asked for."""
-    if n_filmed is not None and n_filmed < 1:
-        raise CardError(f"expected --video-episodes of at least 1, found {n_filmed}")
-    task = on_gymnasium(who.task)
-    for option, given in (("--noise", noise), ("--simtrace", simtrace)):
-        if given and task.env.simulator != "racer":
-            raise CardError(
-                f"expected {option} with a racing task, found '{task.name}'; leave it out"
-            )
-    task = customize(task, None, eval__episodes=n_episodes, eval__noise=noise)
-    n_episodes = task.eval.episodes
+    task, n_episodes = who.task, who.task.eval.episodes
     seeds = who.seeds if seed is None else seed_list(seed, 1) * len(who.seeds)
     sights = render and task.env.simulator == "racer"
     played = evaluate(
@@ -120,10 +143,10 @@ def examine(
     write_text(written[0], json.dumps(summary(who, played, seeds), indent=2) + "\n")
     drawn = who.folder / "eval-trajectories.png"
     title = f"{who.name}, seed {seeds[0]}"
-    if draw_trajectories(who.task, [(who.name, played)], drawn, title, colour):
+    if draw_trajectories(task, [(who.name, played)], drawn, title, colour):
         written.append(drawn)
     if simtrace:
-        written += log_drives(task, played, seeds, simtrace)
+        written += log_drives(task, played, who.seeds, simtrace)
     if render:
         wanted = min(n_filmed or FILMED[task.env.simulator], n_episodes)
         try:

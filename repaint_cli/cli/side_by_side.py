@@ -12,7 +12,7 @@ from repaint_cli.cli.played import racing_summary, table
 from repaint_cli.cli.screen import out
 from repaint_cli.cli.session import say_written
 from repaint_cli.errors import CardError
-from repaint_cli.evaluate import evaluate
+from repaint_cli.evaluate import evaluate, has_paths
 from repaint_cli.history import Run, read_run
 from repaint_cli.learn.seeding import Purpose
 from repaint_cli.report.pictures import draw_trajectories
@@ -67,6 +67,8 @@ def play(folders: Sequence[Path], picture: Path, as_json: bool) -> None:
     if not runs or len({_place(run) for run in runs}) > 1:
         found = ", ".join(sorted({_place(run) for run in runs})) or "no run"
         raise CardError(f"expected runs on one track or in one environment, found {found}")
+    if not has_paths(runs[0].task):
+        raise CardError(f"expected a task with paths to draw, found '{runs[0].task.name}'")
     panels, told = [], []
     for run in runs:
         seeds = run.record["seeds"]
@@ -77,8 +79,7 @@ def play(folders: Sequence[Path], picture: Path, as_json: bool) -> None:
         if not as_json:
             out.print(table(panels[-1][0], seeds, played))
     title = f"the last policies, {EPISODES} episodes each, first seeds"
-    if not draw_trajectories(runs[0].task, panels, picture, title):
-        raise CardError(f"expected a task with paths to draw, found '{runs[0].task.name}'")
+    draw_trajectories(runs[0].task, panels, picture, title)
     if as_json:
         print(json.dumps(told, indent=2))
     else:

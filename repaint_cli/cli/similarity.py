@@ -26,8 +26,7 @@ def similarity(
     cards = [_card(name) for name in names or shipped_tasks()]
     if len(cards) == 1:
         cards += [_card(name) for name in shipped_tasks() if name != cards[0].name]
-    if any(card.reward_code for card in cards):
-        cards = _with_weights(cards, as_json)
+    cards = [_with_weights(card, as_json) if card.reward_code else card for card in cards]
     pairs = [
         {"teacher": a.name, "target": b.name, "cosine": cosine(a, b), "relation": relation(a, b)}
         for a in cards for b in cards if a is not b
@@ -63,28 +62,14 @@ def _card(name: str) -> "TaskCard":
     raise NotFound.named("task or teacher", name, known, "repaint tasks list, repaint zoo list")
 
 
-def _with_weights(cards: "list[TaskCard]", quiet: bool) -> "list[TaskCard]":
-    """Return the cards with weights in place of reward functions, fitted; say which.
-
-    A racing task beside them weighs the terms that it does not name with 0.
-    """
+def _with_weights(card: "TaskCard", quiet: bool) -> "TaskCard":
+    """Return the card with weights in place of its reward function, fitted; say which."""
     from repaint_cli.reward_fit import fit, weighed
-    from repaint_cli.simulators import RacerEnv
 
-    found, plain = dict[bool, list[str]](), list(cards)
-    for i, card in enumerate(cards):
-        if card.reward_code and isinstance(card.env, RacerEnv):
-            weights = fit(card)
-            if not quiet:
-                print(f"{card.name} weighs {weights}")
-            plain[i] = weighed(card, weights)
-            found[card.env.n_bots > 0] = list(weights.weights)
-    for i, card in enumerate(plain):
-        names = found.get(card.env.n_bots > 0) if isinstance(card.env, RacerEnv) else None
-        if names and card.reward.keys() <= set(names):
-            filled = {name: card.reward.get(name, 0.0) for name in names}
-            plain[i] = card.model_copy(update={"reward": filled})
-    return plain
+    found = fit(card)
+    if not quiet:
+        print(f"{card.name} weighs {found}")
+    return weighed(card, found)
 
 
 def _print_matrix(cards: "list[TaskCard]") -> None:

@@ -13,7 +13,6 @@ from repaint_cli.metrics import Report
 from repaint_cli.report.curves import plot_curves
 from repaint_cli.report.offscreen import Episode, render_gym
 from repaint_cli.report.racer_film import NOSE, Drive, racer_frames
-from repaint_cli.report.training import Drive as Training
 from repaint_cli.report.training import plot_heatmap, plot_progress
 from repaint_cli.report.trajectories import Paths, plot_racer, plot_reacher
 from repaint_cli.report.video import write_video
@@ -49,11 +48,7 @@ def _draw_training(run: Run, title: str) -> list[Path]:
     if not isinstance(run.task.env, RacerEnv) or run.progress is None:
         return []
     log = log_folders(run.folder, run.record["seeds"])[0]
-    drives = [
-        Training(k, np.stack([trace.x, trace.y], 1), float(trace.progress[-1]), trace.status)
-        for k, traces in read_training(log)
-        for trace in traces
-    ]
+    drives = [(k, trace) for k, traces in read_training(log) for trace in traces]
     track = load_track(run.task.env.track)
     heatmap, progress = run.folder / "heatmap.png", run.folder / "progress.png"
     plot_heatmap(drives, track.inner, track.outer, track.centre, heatmap, title)

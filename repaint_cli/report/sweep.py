@@ -5,8 +5,14 @@ import numpy as np
 from repaint_cli.report.road import CAR_WIDTH
 from repaint_cli.report.statistics import Floats
 
-CELL = 0.01
-"""Edge of a cell, m."""
+FINEST = 0.01
+"""Least edge of a cell, m."""
+MOST_CELLS = 500_000
+
+
+def cell_of(low: Floats, high: Floats) -> float:
+    """Return the edge of the cells between two corners (2,), m: coarser for a large field."""
+    return max(FINEST, float(np.sqrt(np.prod(high - low) / MOST_CELLS)))
 
 
 def sweep(xy: Floats, values: Floats, low: Floats, high: Floats) -> tuple[Floats, Floats]:
@@ -22,11 +28,12 @@ def sweep(xy: Floats, values: Floats, low: Floats, high: Floats) -> tuple[Floats
         episodes that passed over each cell, and the mean of their values there, nan where none did,
         each (rows by y, columns by x).
     """
-    columns, rows = np.ceil((high - low) / CELL).astype(int)
+    cell = cell_of(low, high)
+    columns, rows = np.ceil((high - low) / cell).astype(int)
     passed, total = np.zeros(rows * columns), np.zeros(rows * columns)
     for path, worth in zip(xy, values, strict=True):
-        points, weights = _carpet(path[np.isfinite(path).all(1)], worth)
-        cells = np.floor((points - low) / CELL).astype(int)
+        points, weights = _carpet(path[np.isfinite(path).all(1)], worth, cell)
+        cells = np.floor((points - low) / cell).astype(int)
         inside = ((cells >= 0) & (cells < [columns, rows])).all(1)
         at = cells[inside, 1] * columns + cells[inside, 0]
         hits = np.bincount(at, minlength=len(passed))
@@ -37,7 +44,7 @@ def sweep(xy: Floats, values: Floats, low: Floats, high: Floats) -> tuple[Floats
     return passed.reshape(rows, columns), means.reshape(rows, columns)
 
 
-def _carpet(path: Floats, values: Floats) -> tuple[Floats, Floats]:
+def _carpet(path: Floats, values: Floats, cell: float) -> tuple[Floats, Floats]:
     """Return points that cover a car's way (T, 2) densely, (P, 2), and their values, (P,)."""
     if len(path) < 2:
         return np.empty((0, 2)), np.empty(0)
@@ -45,8 +52,8 @@ def _carpet(path: Floats, values: Floats) -> tuple[Floats, Floats]:
     aside = np.stack([-ways[:, 1], ways[:, 0]], axis=1)
     aside /= np.maximum(np.hypot(*aside.T), 1e-9)[:, None]
     longest = float(np.hypot(*np.diff(path, axis=0).T).max())
-    shares = np.linspace(0, 1, 1 + int(np.ceil(1.5 * longest / CELL)))[:, None, None]
-    across = np.linspace(-0.5, 0.5, int(np.ceil(1.5 * CAR_WIDTH / CELL)))[:, None, None, None]
+    shares = np.linspace(0, 1, 1 + int(np.ceil(1.5 * longest / cell)))[:, None, None]
+    across = np.linspace(-0.5, 0.5, int(np.ceil(1.5 * CAR_WIDTH / cell)))[:, None, None, None]
 
     def between(ends: Floats) -> Floats:
         return ends[:-1] + shares * (ends[1:] - ends[:-1])  # (shares, T−1, 2)

@@ -4,37 +4,28 @@
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LogNorm
+from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from repaint_cli.report import look
 from repaint_cli.report.road import draw_road
+from repaint_cli.report.signs import CRASH, EXIT, Sign, legend, sign
 from repaint_cli.report.statistics import Floats
-from repaint_cli.report.trajectories import CRASH, EXIT, Sign, legend, sign
+from repaint_cli.traces import Trace
 
 QUARTERS = 4
 CELL = 0.05
 """Edge of a cell of the heat-map, m."""
 
 
-@dataclass(frozen=True)
-class Drive:
-    """A training episode."""
-
-    iteration: int
-    """k, from 1."""
-    xy: Floats
-    """Where the car was after each step, (T, 2), m."""
-    progress: float
-    """Of the lap, at the end, %."""
-    status: str
-    """How it ended, a name in the racer's STATUS."""
+Drive = tuple[int, Trace]
+"""A training episode and its iteration, from 1."""
 
 
 def plot_heatmap(
@@ -53,11 +44,9 @@ def plot_heatmap(
     Raises:
         StoreError: the file cannot be written.
     """
-    points = np.concatenate([inner, outer, *(drive.xy for drive in drives)])
+    points = np.concatenate([inner, outer, *(trace.xy for _, trace in drives)])
     low, high = points.min(0) - 0.2, points.max(0) + 0.2
-    width, height = high - low
-    side = 4.3
-    aspect = float(np.clip(height / width, 0.4, 1.4))
+    side, aspect = 4.3, float(np.clip(np.divide(*(high - low)[::-1]), 0.4, 1.4))
     figure = look.new_figure(2 * side + 1.2, 2 * (side * aspect + 0.4) + 1.1)
     look.headline(figure, title)
     grid = figure.subplots(2, 2, sharex=True, sharey=True)
@@ -69,27 +58,33 @@ def plot_heatmap(
         draw_road(axes, inner, outer, centre)
         seen = np.ma.masked_less(count.T, 1)
         axes.pcolormesh(*edges, seen, cmap=look.ramp(), norm=scale, zorder=2.5, alpha=0.9)
-        for status, mark in (("off_track", EXIT), ("crashed", CRASH)):
-            ends = [drive.xy[-1] for drive in quarter if drive.status == status]
-            small: Sign = mark | {"markersize": 5, "markeredgewidth": 0.6}
-            axes.plot(*np.array(ends).reshape(-1, 2).T, linestyle="none", zorder=5, **small)
+        _mark_ends(axes, quarter)
         axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
         axes.set_title(_label(quarter), size=look.TEXT_SIZE - 0.5, color=look.INK)
         axes.set_aspect("equal")
         look.tidy(axes)
-    for axes in grid[-1]:
-        axes.set_xlabel("x [m]", size=look.NOTE_SIZE)
-    for axes in grid[:, 0]:
-        axes.set_ylabel("y [m]", size=look.NOTE_SIZE)
-    bar = figure.colorbar(
-        ScalarMappable(scale, look.ramp()), ax=list(grid.flat), shrink=0.8, aspect=28
-    )
+    for below, beside in zip(grid[-1], grid[:, 0], strict=True):
+        below.set_xlabel("x [m]", size=look.NOTE_SIZE)
+        beside.set_ylabel("y [m]", size=look.NOTE_SIZE)
+    _colour_bar(figure, list(grid.flat), scale)
+    legend(figure, [sign("left the track", EXIT), sign("crashed", CRASH)])
+    look.save(figure, path)
+
+
+def _mark_ends(axes: Axes, quarter: Sequence[Drive]) -> None:
+    """Mark where episodes left the road or crashed."""
+    for status, mark in (("off_track", EXIT), ("crashed", CRASH)):
+        ends = [trace.xy[-1] for _, trace in quarter if trace.status == status]
+        small: Sign = mark | {"markersize": 5, "markeredgewidth": 0.6}
+        axes.plot(*np.array(ends).reshape(-1, 2).T, linestyle="none", zorder=5, **small)
+
+
+def _colour_bar(figure: Figure, grid: list[Axes], scale: LogNorm) -> None:
+    bar = figure.colorbar(ScalarMappable(scale, look.ramp()), ax=grid, shrink=0.8, aspect=28)
     bar.set_label(f"steps in a cell of {100 * CELL:.0f} cm", size=look.TEXT_SIZE)
     bar.ax.tick_params(labelsize=look.NOTE_SIZE)
     bar.ax.yaxis.set_major_formatter("{x:.0f}")
     bar.outline.set_visible(False)
-    legend(figure, [sign("left the track", EXIT), sign("crashed", CRASH)])
-    look.save(figure, path)
 
 
 def plot_progress(drives: Sequence[Drive], evaluated: Floats, path: Path, title: str) -> None:
@@ -107,8 +102,8 @@ def plot_progress(drives: Sequence[Drive], evaluated: Floats, path: Path, title:
     figure = look.new_figure(7.6, 4.4)
     look.headline(figure, title)
     axes: Axes = figure.subplots()
-    iterations = np.array([drive.iteration for drive in drives])
-    progress = np.clip([drive.progress for drive in drives], 0, 100)
+    iterations = np.array([k for k, _ in drives])
+    progress = np.clip([trace.progress[-1] for _, trace in drives], 0, 100)
     aside = np.random.default_rng(0).uniform(-0.18, 0.18, len(drives))
     axes.plot(
         iterations + aside,
@@ -139,15 +134,15 @@ def plot_progress(drives: Sequence[Drive], evaluated: Floats, path: Path, title:
 
 def _quarters(drives: Sequence[Drive]) -> list[list[Drive]]:
     """Split a training by its iterations."""
-    last = max((drive.iteration for drive in drives), default=1)
+    last = max((k for k, _ in drives), default=1)
     return [
-        [drive for drive in drives if QUARTERS * (drive.iteration - 1) // last == quarter]
+        [(k, trace) for k, trace in drives if QUARTERS * (k - 1) // last == quarter]
         for quarter in range(QUARTERS)
     ]
 
 
 def _visits(quarter: Sequence[Drive], edges: list[Floats]) -> Floats:
-    x, y = np.concatenate([np.empty((0, 2)), *(drive.xy for drive in quarter)]).T
+    x, y = np.concatenate([np.empty((0, 2)), *(trace.xy for _, trace in quarter)]).T
     counts, _, _ = np.histogram2d(x, y, bins=(edges[0], edges[1]))
     return np.asarray(counts, dtype=np.float64)
 
@@ -156,7 +151,7 @@ def _label(quarter: Sequence[Drive]) -> str:
     """Say which part of the training a panel shows, and how many laps it holds."""
     if not quarter:
         return "no episodes"
-    laps = np.mean([drive.status == "lap_complete" for drive in quarter])
-    first, last = quarter[0].iteration, quarter[-1].iteration
+    laps = np.mean([trace.status == "lap_complete" for _, trace in quarter])
+    first, last = quarter[0][0], quarter[-1][0]
     span = f"iteration {first}" if first == last else f"iterations {first} to {last}"
     return f"{span} · {len(quarter)} episodes · {100 * laps:.0f} % laps"

@@ -6,10 +6,8 @@ Metres and m/s. **E** episodes · **T** steps · **M** corners of a border.
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection
@@ -20,10 +18,13 @@ from matplotlib.patches import Circle
 
 from repaint_cli.report import look
 from repaint_cli.report.road import draw_road, lane_patches
+from repaint_cli.report.signs import CRASH, EXIT, START, TARGET, TIP, Sign, legend, sign
 from repaint_cli.report.statistics import Floats
-from repaint_cli.report.sweep import CELL, sweep
+from repaint_cli.report.sweep import cell_of, sweep
 
 MAX_COLUMNS = 3
+LEAST_SPAN = 0.1
+"""Of a scale, as a share of its largest number: noise is not to fill it with colours."""
 FEW = 8
 """Different values that all have a place on a scale."""
 REACH = 0.21
@@ -31,13 +32,6 @@ REACH = 0.21
 PASSAGE = 0.35
 """How much of the ground one car's passage hides."""
 EDGE = np.array([0.235, 0.235])
-
-Sign = dict[str, Any]
-START: Sign = {"marker": "o", "color": "w", "markeredgecolor": look.INK, "markersize": 4.5}
-CRASH: Sign = {"marker": "P", "color": "#56B4E9", "markeredgecolor": "w", "markersize": 9}
-EXIT: Sign = {"marker": "X", "color": "#D55E00", "markeredgecolor": "w", "markersize": 8}
-TARGET: Sign = {"marker": "*", "color": "#009E73", "markeredgecolor": "w", "markersize": 12}
-TIP: Sign = {"marker": "o", "color": look.INK, "markeredgecolor": "none", "markersize": 3.6}
 
 
 @dataclass(frozen=True)
@@ -177,8 +171,9 @@ def _scale(panels: Sequence[Paths]) -> tuple[Normalize, str]:
         return Normalize(0, 1), "neither"
     most = [2, 98] if len(np.unique(values)) > FEW else [0, 100]
     low, high = (float(end) for end in np.percentile(values, most))
-    if high - low < 0.05:
-        low, high = low - 0.05, high + 0.05
+    least = LEAST_SPAN * max(abs(low), abs(high)) or 1.0
+    if high - low < least:
+        low, high = low - least / 2, high + least / 2
     below, above = bool(values.min() < low), bool(values.max() > high)
     return Normalize(low, high), {(1, 1): "both", (1, 0): "min", (0, 1): "max"}.get(
         (below, above), "neither"
@@ -202,12 +197,12 @@ def _swept(axes: Axes, paths: Paths, scale: Normalize, low: Floats, high: Floats
     known = paths.values is not None
     values = paths.values if paths.values is not None else np.zeros(paths.xy.shape[:2])
     passed, means = sweep(paths.xy, values, low, high)
-    colours = look.ramp()(scale(np.nan_to_num(means)))  # (rows, columns, 4)
+    colours = look.ramp()(scale(np.nan_to_num(means)), bytes=True)  # (rows, columns, 4) uint8
     if not known:
-        colours[..., :3] = to_rgb(look.METHOD_COLOURS["repaint"])
-    colours[..., 3] = 1 - (1 - PASSAGE) ** passed
-    rows, columns = passed.shape
-    extent = (low[0], low[0] + columns * CELL, low[1], low[1] + rows * CELL)
+        colours[..., :3] = 255 * np.array(to_rgb(look.METHOD_COLOURS["repaint"]))
+    colours[..., 3] = 255 * (1 - (1 - PASSAGE) ** passed)
+    (rows, columns), cell = passed.shape, cell_of(low, high)
+    extent = (low[0], low[0] + columns * cell, low[1], low[1] + rows * cell)
     axes.imshow(colours, extent=extent, origin="lower", zorder=2.5, interpolation="bilinear")
 
 
@@ -252,19 +247,3 @@ def _colour_bar(
     bar.set_label(label, size=look.TEXT_SIZE)
     bar.ax.tick_params(labelsize=look.NOTE_SIZE)
     bar.outline.set_visible(False)
-
-
-def legend(figure: Figure, signs: Sequence[Artist]) -> None:
-    """Explain signs below a figure."""
-    figure.legend(
-        handles=list(signs),
-        loc="outside lower center",
-        ncols=len(signs),
-        frameon=False,
-        fontsize=look.NOTE_SIZE,
-    )
-
-
-def sign(name: str, drawn_as: Sign) -> Line2D:
-    """Return what a legend shows for a sign."""
-    return Line2D([], [], linestyle="none", label=name, **drawn_as)

@@ -43,7 +43,8 @@ class RacerVectorEnv(VectorEnv[Any, NDArray[np.int64], Any]):
     **Reward** the progress of the step, in laps (`dprog`); tasks weigh the terms in the infos.
 
     **Start** at rest on the centre line, at one of 20 places drawn by the environment's own
-    generator, or where `reset(options={"lap_fraction": ...})` says.
+    generator, or where `reset(options={"lap_fraction": ...})` says; on an open track always at its
+    beginning.
 
     **Bots** drive the same road in its lanes, placed anew in every episode.
 

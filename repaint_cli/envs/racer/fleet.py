@@ -136,7 +136,10 @@ class Fleet:
             for road, own in self._by_road(rows):
                 self.bots.drive(road, own, STEP_SECONDS)
         crashed = self._meet(rows)
-        status = status_of(self._measures, self._progress, self._counters, self._max_steps, crashed)
+        status = status_of(
+            self._measures, self._progress, self._counters, self._max_steps, crashed,
+            closed=self.track.closed,
+        )  # fmt: skip
         self.status[rows] = status[rows]
         return gained
 

@@ -86,8 +86,12 @@ def status_of(
     counters: Counters,
     max_steps: int,
     crashed: NDArray[np.bool_],
+    *,
+    closed: bool = True,
 ) -> NDArray[np.int64]:
     """Return each car's status, (N,): leaving the track outranks the rest, the time limit is last.
+
+    At the end of an open track the road ends too, and coming so far outranks leaving it there.
 
     Args:
         measures: `geometry.locate`'s answers, (N, 6).
@@ -95,12 +99,14 @@ def status_of(
         counters: of the same cars.
         max_steps: the time limit, steps.
         crashed: whether it hit a bot and that ends the episode, (N,).
+        closed: whether the track is lapped.
     """
+    arrived = progress >= 100
     return np.select(
         [
-            measures[:, WHEELS_ON] == 0,
+            (measures[:, WHEELS_ON] == 0) & (closed | ~arrived),
             crashed,
-            progress >= 100,
+            arrived,
             counters.still >= PATIENCE,
             counters.backwards >= PATIENCE,
             counters.steps >= max_steps,

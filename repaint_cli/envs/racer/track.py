@@ -161,8 +161,8 @@ def _checked_rows(waypoints: np.ndarray, name: str) -> Floats:
         rows = rows[np.concatenate([[True], moves])]
     if len(rows) < _LEAST_CORNERS + 1:
         raise ValueError(
-            f"track '{name}': expected at least {_LEAST_CORNERS} different rows and the first "
-            f"one again, found {len(rows)} rows; add waypoints"
+            f"track '{name}': expected at least {_LEAST_CORNERS + 1} rows that differ from their "
+            f"neighbours, found {len(rows)}; add waypoints"
         )
     ends_apart = np.abs(rows[-1] - rows[0]).max()
     if ends_apart <= _SAME_POINT:

@@ -1,0 +1,71 @@
+"""Which numbers of an evaluation and of a training a picture is drawn from."""
+
+import json
+from dataclasses import fields
+
+import numpy as np
+import pytest
+
+from repaint_cli.cards import read_task
+from repaint_cli.envs.racer import STATUS
+from repaint_cli.evaluate import Episodes
+from repaint_cli.history import Run
+from repaint_cli.report import pictures
+from repaint_cli.simtrace import Simtrace, log_folders
+from repaint_cli.traces import Trace
+
+T, E = 4, 3
+TASK = read_task("racer-inner")
+
+
+@pytest.fixture
+def told(monkeypatch):
+    """What the drawing functions were given, by their name."""
+    given = {}
+    for name in ("plot_racer", "plot_heatmap", "plot_progress"):
+        monkeypatch.setattr(pictures, name, lambda *args, name=name: given.update({name: args}))
+    return given
+
+
+def race():
+    """One seed's race: a lap, a crash, an exit."""
+    ends = [STATUS.index(name) for name in ("lap_complete", "crashed", "off_track")]
+    records = {name: np.zeros((T, 1, E)) for name in TASK.env.records}
+    records["status"][-1, 0] = ends
+    records["speed"] += 0.7
+    return Episodes(
+        returns=np.ones((1, E)), lengths=np.full((1, E), T), terms=np.zeros((1, E, 1)),
+        rewards=np.full((T, 1, E), -1.0), actions=np.zeros((T, 1, E), int), records=records,
+        env_seeds=[0] * E, paths=np.zeros((1, E, T, 2)), targets=None,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(("colour", "value"), [("speed", 0.7), ("reward", -1.0)])
+def test_paths_have_the_colour_asked_for_and_their_ends(told, tmp_path, colour, value):
+    assert pictures.draw_trajectories(TASK, [("a", race())], tmp_path / "t.png", "t", colour)
+    (paths,), *_, unit = told["plot_racer"]
+    assert (paths.values == value).all()
+    assert paths.values.shape == (E, T)
+    assert unit.startswith(colour)
+    assert paths.crashed.tolist() == [False, True, False]
+    assert paths.ended_off.tolist() == [False, False, True]
+
+
+def test_a_trainings_pictures_are_drawn_from_its_logs(told, tmp_path):
+    nothing = {field.name: np.zeros(3) for field in fields(Trace)}
+    ways = [
+        Trace(**nothing | {"progress": np.array([1.0, 2.0, far]), "status": "off_track"})
+        for far in (30.0, 50.0)
+    ]
+    log = Simtrace(log_folders(tmp_path, [5])[0], TASK)
+    log.train(1, ways[:1])
+    log.train(3, ways[1:])
+    record = {"seeds": [5, 6], "method": "scratch", "teacher": None}
+    rows = {"eval_return": np.zeros((2, 3)), "eval_progress": np.array([[7.0, 8, 9], [0, 0, 0]])}
+    drawn = pictures._draw_training(Run(tmp_path, record, TASK, rows), "t")
+    assert [path.name for path in drawn] == ["heatmap.png", "progress.png"]
+    drives, evaluated, *_ = told["plot_progress"]
+    assert [(k, trace.progress[-1]) for k, trace in drives] == [(1, 30), (3, 50)]
+    assert evaluated.tolist() == [7, 8, 9]
+    assert told["plot_heatmap"][0] == drives
+    assert json.loads((log.folder / "metrics" / "TrainingMetrics.json").read_text())
