@@ -7,14 +7,16 @@ from repaint_cli.tasks import TaskCard
 
 
 def cosine(first: TaskCard, second: TaskCard) -> float | None:
-    """Return the similarity of two tasks, or None where their environments differ.
+    """Return the similarity of two tasks, or None where their environments or terms differ.
 
-    A term that a card does not name weighs 0.
+    The racer's terms are always the same: one that a racing card does not name weighs 0.
 
     sim(r₁, r₂) = w₁·w₂ / (‖w₁‖‖w₂‖)      (paper, equation 4)
     """
     w1, w2 = first.reward, second.reward
     if _world(first) != _world(second) or first.reward_code != second.reward_code:
+        return None
+    if isinstance(first.env, GymEnv) and w1.keys() != w2.keys():
         return None
     dot = sum(w1[name] * w2[name] for name in w1.keys() & w2.keys())
     return dot / sqrt(sum(w * w for w in w1.values()) * sum(w * w for w in w2.values()))

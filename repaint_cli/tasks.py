@@ -165,8 +165,10 @@ def _toml_value(text: str) -> Any:
 
 
 def _first_problem(error: ValidationError) -> str:
-    problem = error.errors()[0]
-    loc = [str(part) for part in problem["loc"]]
+    problems = error.errors()
+    same = [problem for problem in problems if problem["loc"][:2] == problems[0]["loc"][:2]]
+    problem = max(same, key=lambda problem: len(problem["loc"]))  # of several kinds, the nearest
+    loc = [str(part) for part in problem["loc"] if "[" not in str(part)]
     if loc[:1] == ["env"]:
         del loc[1:2]  # the simulator, which pydantic names too
     where = ".".join(loc)
