@@ -6,7 +6,7 @@ Nothing here imports a simulator before it is needed.
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from pydantic import Field
+from pydantic import Field, field_validator
 
 from repaint_cli.config import EvalConfig, Settings
 from repaint_cli.errors import CardError, NotFound
@@ -108,6 +108,12 @@ class RacerEnv(Settings):
     """What the lidar reads of anything nearer, m."""
     max_steps: int = Field(1500, gt=0)
     """Time limit of an episode, in steps of 1/15 s."""
+
+    @field_validator("track")
+    @classmethod
+    def _found_from_anywhere(cls, track: str) -> str:
+        """Keep a file's whole path: a run or a teacher is used in other folders too."""
+        return str(Path(track).absolute()) if track.endswith(".npy") else track
 
     @property
     def records(self) -> tuple[str, ...]:

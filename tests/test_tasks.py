@@ -14,6 +14,7 @@ from repaint_cli.cli.tasks import to_toml
 from repaint_cli.errors import CardError, NotFound
 from repaint_cli.tasks import TaskCard
 
+TRACKS = Path(__file__).parents[1] / "tasks" / "racer" / "tracks"
 REAL = Path(__file__).parents[2] / "shared" / "data" / "deepracer" / "tracks"
 
 gymnasium.register("repaint-tests/Endless-v0", Reach, disable_env_checker=True)
@@ -213,6 +214,19 @@ def test_a_file_of_waypoints_is_a_track(name):
     images, _ = env.reset(seed=[1, 2])
     assert images.std() > 10
     env.step(np.full(2, 7))
+
+
+def test_a_tracks_file_is_found_from_other_folders(home, monkeypatch):
+    np.save(home / "mine.npy", np.load(TRACKS / "oval.npy"))
+    (home / "mine.toml").write_text(
+        'extends = "racer-inner"\nsummary = "x"\n[env]\ntrack = "mine.npy"\n'
+    )
+    by_card = read_task("mine.toml")
+    by_option = read_task("racer-inner").with_settings(["env.track=mine.npy"])
+    (home / "elsewhere").mkdir()
+    monkeypatch.chdir(home / "elsewhere")
+    for task in (by_card, by_option):
+        assert task.make_env(1).unwrapped.track.length == pytest.approx(12)
 
 
 def test_checking_a_track_says_what_it_is_and_draws_it(repaint, home):
