@@ -195,7 +195,9 @@ def test_zoo_show_prints_the_card_as_json(repaint, folder):
 
 
 def test_the_shipped_teachers_are_there():
-    expected = {"racer-inner", "racer-outer", "reacher", "reacher-gentle", "reacher-away"}
+    expected = {
+        "racer-avoid", "racer-inner", "racer-outer", "reacher", "reacher-gentle", "reacher-away",
+    }  # fmt: skip
     assert expected <= {path.stem for path in SHIPPED}
 
 
@@ -203,7 +205,7 @@ def test_the_shipped_teachers_are_there():
 def test_a_shipped_teacher_is_sound_small_scored_and_of_the_task_as_it_is_now(path):
     _, card = zoo.load_teacher(path)
     assert card.name == path.stem
-    assert path.stat().st_size <= 8e6
+    assert path.stat().st_size <= (9e6 if card.n_beams else 8e6)  # a lidar has layers of its own
     assert card.score.low <= card.score.mean <= card.score.high
     assert card.task.name in shipped_tasks()
     now = read_task(card.task.name)
