@@ -67,7 +67,8 @@ def plot_heatmap(
         below.set_xlabel("x [m]", size=look.NOTE_SIZE)
         beside.set_ylabel("y [m]", size=look.NOTE_SIZE)
     _colour_bar(figure, list(grid.flat), scale)
-    legend(figure, [sign("left the track", EXIT), sign("crashed", CRASH)])
+    crashed = [sign("crashed", CRASH)] if any(t.status == "crashed" for _, t in drives) else []
+    legend(figure, [sign("left the track", EXIT), *crashed])
     look.save(figure, path)
 
 
@@ -83,7 +84,10 @@ def _colour_bar(figure: Figure, grid: list[Axes], scale: LogNorm) -> None:
     bar = figure.colorbar(ScalarMappable(scale, look.ramp()), ax=grid, shrink=0.8, aspect=28)
     bar.set_label(f"steps in a cell of {100 * CELL:.0f} cm", size=look.TEXT_SIZE)
     bar.ax.tick_params(labelsize=look.NOTE_SIZE)
-    bar.ax.yaxis.set_major_formatter("{x:.0f}")
+    steps = [step * 10**power for power in range(5) for step in (1, 2, 5)]
+    ticks = [step for step in steps if step <= float(scale.vmax or 1)]
+    bar.set_ticks(ticks, labels=[str(tick) for tick in ticks])
+    bar.minorticks_off()
     bar.outline.set_visible(False)
 
 
