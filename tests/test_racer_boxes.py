@@ -143,6 +143,19 @@ def test_lidar_and_view_turn_with_the_car(yaw, x, y, turn):
     assert_allclose(ranges[0], ranges[1], atol=1e-9)
 
 
+@pytest.mark.parametrize("seed", range(300))
+def test_encounters_are_those_of_their_slow_twin(seed):
+    rng = np.random.default_rng(seed)
+    state = np.array([[*rng.normal(size=2), rng.uniform(-np.pi, np.pi), 0.0, 0.0]])
+    reach = rng.choice([0.3, 0.6, 2.0])  # some touch, some are near, some are far
+    poses = np.column_stack([
+        state[0, :2] + rng.uniform(-reach, reach, (3, 2)), rng.uniform(-np.pi, np.pi, 3), np.ones(3)
+    ])  # fmt: skip
+    along, bots_along = rng.uniform(0, LENGTH), rng.uniform(0, LENGTH, 3)
+    expected = reference.meet(state[0], along, LENGTH, poses, bots_along)
+    assert_allclose(met(state, poses, along, bots_along), expected, atol=1e-9)
+
+
 def test_distance_hazard_and_hit():
     far = np.array([[1.0, 0.0, 0.0, 1.0], [0.0, 2.0, 0.0, 1.0]])
     assert_allclose(met(car_at(), far)[[DISTANCE, HAZARDS, HIT]], [1, 0, 0])

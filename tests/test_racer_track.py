@@ -158,6 +158,13 @@ def test_projection_and_inside_agree_with_the_reference(track, seed):
         np.testing.assert_array_equal(inside, reference.ring_winds(ring, points))
 
 
+@pytest.mark.parametrize("seed", range(60))
+def test_crossings_are_those_of_their_slow_twin(seed):
+    rng = np.random.default_rng(seed)
+    line = rng.normal(size=(rng.integers(4, 8), 2))
+    assert geometry.crosses_itself(line) == reference.crosses_itself(line)
+
+
 def test_projection_survives_a_border_that_holds_a_point_twice():
     ring = np.insert(BOX, 2, BOX[2], axis=0)
     assert geometry.line_project(ring, 5.0, 1.0)[:2] == (4.0, 1.0)

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from repaint_cli.envs.racer import boxes, camera, car, ground
+from repaint_cli.envs.racer import boxes, camera, car, encounters, ground
 from repaint_cli.envs.racer.track import Floats, Track
 
 
@@ -26,6 +26,19 @@ def ring_winds(ring: Floats, points: Floats) -> Any:
     a, b = arms[:, :-1], arms[:, 1:]
     cross = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
     return np.abs(np.arctan2(cross, (a * b).sum(axis=2)).sum(axis=1)) > np.pi
+
+
+def crosses_itself(line: Floats) -> bool:
+    """Tell whether two segments of a line properly cross, by solving for where."""
+    ways = np.diff(line, axis=0)
+    for i in range(len(ways)):
+        for j in range(i + 2, len(ways)):
+            matrix = np.stack([ways[i], -ways[j]], axis=1)
+            if abs(np.linalg.det(matrix)) > 0:
+                shares = np.linalg.solve(matrix, line[j] - line[i])
+                if ((shares > 0) & (shares < 1)).all():
+                    return True
+    return False
 
 
 def _on_road(track: Track, points: Floats) -> Any:
@@ -143,6 +156,41 @@ def draw_boxes(state: Floats, eye_side: float, poses: Floats, grey: Floats) -> F
         closer = far < nearest
         nearest[closer], grey[closer] = far[closer], level[closer]
     return grey
+
+
+def meet(state: Floats, along: float, length: float, poses: Floats, bots_along: Floats) -> Floats:
+    """Return how a car (≥3,) stands to its bots (B, ≥3), (6,), as `encounters.meet` tells it."""
+    half = np.array([encounters.BODY_LENGTH, encounters.BODY_WIDTH]) / 2
+    outline = half * [[1, 1], [1, -1], [-1, -1], [-1, 1]]
+    turns = _rotations(poses[:, 2])
+    own = state[:2] + outline @ _rotations(state[2:3])[0].T  # (4, 2)
+    ways = poses[:, :2] - state[:2]  # (B, 2)
+    gaps = np.linalg.norm(ways, axis=1)
+    bow = _rotations(state[2:3])[0][:, 0]
+    angles = np.arccos(np.clip(ways @ bow / gaps, -1, 1))
+    in_bots = np.abs(np.einsum("bkj,bji->bki", own - poses[:, None, :2], turns)) <= half
+    hit = in_bots.all(axis=2).any(axis=1)
+    ahead = np.mod(bots_along - along, length)
+    after = int(ahead.argmin())
+    bot = poses[after, :2] + np.vstack([[0, 0], outline]) @ turns[after].T
+    hazards = (gaps < encounters.HAZARD) & (angles < encounters.HAZARD_ANGLE)
+    at_fault = (hit & (ahead < length / 2)).any()
+    seen = _in_picture(state, bot).any()
+    return np.array([gaps.min(), hazards.sum(), hit.sum(), at_fault, after, seen], dtype=float)
+
+
+def _in_picture(state: Floats, points: Floats) -> Any:
+    """Tell which ground points (P, 2) have a pixel, (P,) bool."""
+    eye = _eye(state, 0.0)
+    ways = np.column_stack([points - eye[:2], np.full(len(points), -eye[2])])
+    ways[:, :2] = ways[:, :2] @ _rotations(state[2:3])[0]  # ahead, left, up
+    cos, sin = np.cos(camera.PITCH), np.sin(camera.PITCH)
+    depth = ways @ [cos, 0, -sin]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        column = camera.WIDTH / 2 - camera.FOCAL * ways[:, 1] / depth
+        row = camera.HEIGHT / 2 - camera.FOCAL * (ways @ [sin, 0, cos]) / depth
+    inside = (column >= 0) & (column <= camera.WIDTH) & (row >= 0) & (row <= camera.HEIGHT)
+    return inside & (depth >= encounters.NEAR) & (depth <= encounters.FAR)
 
 
 def scan(state: Floats, poses: Floats) -> Floats:
