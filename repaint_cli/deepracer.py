@@ -129,6 +129,8 @@ def _sensors(path: Path, data: dict[str, Any]) -> str:
     named = data.get("sensor", ["observation"])
     wanted = frozenset(map(str, named if isinstance(named, list) else [named]))
     if wanted not in SENSORS:
-        known = "; ".join(" and ".join(sorted(each)) for each in SENSORS)
-        raise CardError(f"{path}: expected the sensors {known}; found {', '.join(sorted(wanted))}")
+        raise CardError(
+            f"{path}: expected one of the cameras {', '.join(CAMERAS)}, with or without LIDAR; "
+            f"found {', '.join(sorted(wanted))}"
+        )
     return SENSORS[wanted]

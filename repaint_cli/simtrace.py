@@ -78,14 +78,14 @@ class Simtrace:
     def evaluate_alone(self, stamp: str, traces: Sequence[Trace]) -> list[Path]:
         """Log the episodes of `repaint eval`; return the files.
 
-        A folder without training gets them in place of it too: that is what tools open first.
+        A folder without a training gets them in place of one: that is what tools open first.
 
         Args:
             stamp: 14 digits, the time.
             traces: an episode each.
         """
         places = [f"evaluation-{stamp}/evaluation-simtrace/0-iteration.csv"]
-        alone = not (self.folder / TRAINING).is_dir()
+        alone = not self._holds_training()
         if alone:
             places.append(f"{TRAINING}/0-iteration.csv")
         text = self._table(traces, 0, "evaluation")
@@ -95,6 +95,14 @@ class Simtrace:
             self._write_metrics()
             places.append(METRICS)
         return [self.folder / place for place in places]
+
+    def _holds_training(self) -> bool:
+        """Tell whether the folder's log is of a training, and not of an earlier evaluation."""
+        try:
+            noted = json.loads((self.folder / METRICS).read_text(encoding="utf-8"))["metrics"]
+            return any(item["phase"] == "training" for item in noted)
+        except (OSError, ValueError, LookupError, TypeError):
+            return (self.folder / TRAINING).is_dir()
 
     def _write_settings(self, task: TaskCard, env: RacerEnv) -> None:
         deep = len(task.net.eyes.layers) > 3

@@ -181,7 +181,8 @@ def load_track(name: str) -> "Track":
         folder = shipped("tasks") / "racer" / "tracks"
         known = {path.stem: path for path in sorted(folder.glob("*.npy"))}
         if name not in known:
-            raise NotFound.named("track", name, known, "repaint tasks list")
+            there = ", ".join(known)
+            raise NotFound(f"unknown track '{name}'; there are {there}, and files that end in .npy")
         path = known[name]
     try:
         rows = np.load(path, allow_pickle=False)

@@ -188,7 +188,9 @@ def misfit(card: TeacherCard, task: TaskCard, spaces: "Spaces") -> str | None:
     if card.spaces != spaces:
         return f"teacher '{card.name}' has {card.spaces}, task '{task.name}' has {spaces}"
     if card.task.env.actions != task.env.actions:
-        return f"teacher '{card.name}' and task '{task.name}' choose among other [env] actions"
+        same = sorted(card.task.env.actions or ()) == sorted(task.env.actions or ())
+        what = "the same [env] actions in another order" if same else "other [env] actions"
+        return f"teacher '{card.name}' and task '{task.name}' choose among {what}"
     code = card.task.reward_code or task.reward_code  # which has no terms to compare
     if not code and set(card.task.reward) != set(task.reward):
         theirs, ours = ", ".join(card.task.reward), ", ".join(task.reward)

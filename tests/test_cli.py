@@ -283,6 +283,24 @@ def test_compare_draws_the_paths_of_several_tasks_on_one_track(repaint, home):
     assert np.shape(outer["returns"]) == np.shape(outer["progress"]) == (1, 20)
 
 
+def test_other_settings_for_an_evaluation_leave_the_runs_own_alone(repaint, home):
+    repaint("transfer", "--task", "racer-inner", "--method", "scratch", "--run", "a", *QUICK_LAP)
+    assert repaint("eval", "a").code == 0
+    before = (home / "a" / "eval.json").read_bytes()
+    said = repaint("eval", "a", "--set", "env.track=oval", "--set", "eval.action_noise=0.2")
+    assert said.code == 0
+    assert "env.track=oval, eval.action_noise=0.2" in " ".join(said.out.split())
+    assert (home / "a" / "eval.json").read_bytes() == before
+    (told,) = (home / "runs" / "racer-inner").glob("eval-set-*/eval.json")
+    told = strict(told.read_text())
+    assert (told["env"]["track"], told["eval"]["action_noise"]) == ("oval", 0.2)
+    said = repaint("eval", "a", "--set", "env.track=nope")
+    assert said.err == (
+        "error: unknown track 'nope'; there are oval, reinvent-like, wide-loop, "
+        "and files that end in .npy\n"
+    )
+
+
 def test_compare_draws_no_paths_of_several_places(repaint, home):
     repaint("transfer", "--task", "racer-inner", "--method", "scratch", "--run", "a", *QUICK_LAP)
     repaint(*SCRATCH, "--run", "b")

@@ -33,7 +33,7 @@ def test_actions_and_sensors_are_the_files(home):
     env.reset(seed=[1])
     env.step(np.array([1]))
     params = env.unwrapped.params(0)
-    assert (params["speed"], params["steering_angle"]) == (0.7, pytest.approx(20))
+    assert (params["speed"], params["steering_angle"]) == (0.7, 20.0)
 
 
 @pytest.mark.skipif(not REAL.is_dir(), reason="DeepRacer's files are not here")
@@ -80,6 +80,10 @@ def test_a_teacher_of_other_actions_does_not_fit(repaint, home):
     said = repaint("transfer", "--teacher", "racer-inner", "--task", "mine.toml")
     assert said.code == 4
     assert "'racer-inner' and task 'mine' choose among other [env] actions" in said.err
+    turned = json.dumps(read_task("racer-inner").env.actions[::-1])
+    (home / "mine.toml").write_text(f'extends = "racer-outer"\n[env]\nactions = {turned}\n')
+    said = repaint("transfer", "--teacher", "racer-inner", "--task", "mine.toml")
+    assert "choose among the same [env] actions in another order" in said.err
 
 
 def test_a_cards_files_lie_beside_it(repaint, home):

@@ -66,7 +66,7 @@ NAMES = [
      r"unknown setting 'ppo.gama'; did you mean ppo.gamma or .*\? see: repaint tasks show reacher"),
     (sets("env.track=oval"), "unknown setting 'env.track'; .*see: repaint tasks show reacher"),
     (["transfer", "--task", "racer-inner", "--method", "scratch", "--set", "env.track=ovl"],
-     r"unknown track 'ovl'; did you mean oval\?"),
+     r"unknown track 'ovl'; there are oval, reinvent-like"),
     (["eval"], "expected a run below runs/, found none; train: repaint train-teacher --task"),
     (["eval", "old-hant"], r"unknown teacher 'old-hant'; did you mean old-hand\?"),
     (["eval", "home"], "expected a run's folder with run.json, found none at home"),

@@ -61,15 +61,18 @@ def test_an_open_track_is_driven_from_end_to_end(reverse):
     env = RacerVectorEnv(track, 1)
     places = {"lap_fraction": np.full(1, 0.3), "reverse": np.array([reverse])}
     _, infos = env.reset(options=places)  # an open track is always driven from its beginning
-    assert infos["x"][0] == pytest.approx(8 - 0.14 if reverse else 0.14, abs=0.05)
+    assert infos["x"][0] == pytest.approx(8 - 0.34 if reverse else 0.34, abs=0.05)
     planner, terminated = Planner(track.reversed() if reverse else track, 1), [False]
-    progress = []
+    progress, on_road = [], []
     while not terminated[0]:
         _, _, terminated, truncated, infos = env.step(planner(infos))
         progress.append(infos["progress"][0])
+        if progress[-1] < 90:
+            on_road.append(int(infos["wheels_on"][0]))
         assert not truncated[0]
     assert STATUS[int(infos["status"][0])] == "lap_complete"
     assert progress[0] < 5
+    assert on_road == [4] * len(on_road)
     assert progress[-1] == 100
     assert infos["dprog"][0] > 0
 

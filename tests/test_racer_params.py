@@ -78,6 +78,14 @@ def test_commands_are_told_and_not_what_the_car_makes_of_them():
     assert (params["steps"], params["sim_time"]) == (2, pytest.approx(2 / 15))
 
 
+@pytest.mark.parametrize("angle", [-30, -15, 0, 7.5, 12.3, 15, 30])
+def test_the_steering_angle_is_the_listed_number(angle):
+    env = RacerVectorEnv(load("oval"), 1, actions=[(angle, 1.0)])
+    env.reset(seed=0)
+    env.step(np.zeros(1, int))
+    assert env.params(0)["steering_angle"] == angle
+
+
 @pytest.mark.parametrize("reverse", [False, True])
 def test_the_driven_direction_rules_waypoints_and_sides(reverse):
     _, params = driven(reverse=reverse, n_bots=0)

@@ -13,7 +13,7 @@ from repaint_cli.cli.screen import out
 from repaint_cli.cli.session import say_written
 from repaint_cli.errors import CardError, RenderError, TeacherMismatch
 from repaint_cli.evaluate import Episodes, evaluate, spaces_of
-from repaint_cli.files import write_text
+from repaint_cli.files import check_writable, write_text
 from repaint_cli.history import Run, newest_run, read_run
 from repaint_cli.learn.seeding import Purpose
 from repaint_cli.nets import ActorCritic
@@ -105,6 +105,9 @@ def adjusted(
         raise TeacherMismatch(
             f"the policies have {who.network.spaces}, the task so set has {spaces_of(task)}"
         )
+    if settings:  # another evaluation than the run's or teacher's own
+        name = f"{who.name} · {', '.join(settings)}"
+        who = replace(who, name=name, folder=Path("runs") / task.name / f"eval-set-{stamp()}")
     return replace(who, task=on_gymnasium(task))
 
 
@@ -134,6 +137,8 @@ def examine(
     """Evaluate, print a table, and write eval.json, eval-trajectories.png and what is asked for."""
     task, n_episodes = who.task, who.task.eval.episodes
     seeds = who.seeds if seed is None else seed_list(seed, 1) * len(who.seeds)
+    if simtrace:
+        check_writable(simtrace)  # better now than after the races
     sights = render and task.env.simulator == "racer"
     played = evaluate(
         who.network, task, seeds, n_episodes, purpose=Purpose.SCORE, keep_sights=sights
@@ -142,8 +147,8 @@ def examine(
     written = [who.folder / "eval.json"]
     write_text(written[0], json.dumps(summary(who, played, seeds), indent=2) + "\n")
     drawn = who.folder / "eval-trajectories.png"
-    title = f"{who.name}, seed {seeds[0]}"
-    if draw_trajectories(task, [(who.name, played)], drawn, title, colour):
+    title = f"{who.name} · seed {seeds[0]}"
+    if draw_trajectories(task, [(f"{n_episodes} episodes", played)], drawn, title, colour):
         written.append(drawn)
     if simtrace:
         written += log_drives(task, played, who.seeds, simtrace)
@@ -185,6 +190,8 @@ def summary(who: Subject, played: Episodes, seeds: list[int]) -> dict[str, objec
     return {
         "policy": who.name,
         "task": who.task.name,
+        "env": who.task.env.model_dump(mode="json"),
+        "eval": who.task.eval.model_dump(mode="json"),
         "seeds": who.seeds,
         "episode_seeds": seeds,
         "returns": played.returns.tolist(),

@@ -31,7 +31,10 @@ def plot_track(track: Track, path: Path, facts: str) -> None:
     axes = figure.subplots()
     axes.set_title(facts, size=look.NOTE_SIZE, color=look.INK)
     draw_road(axes, track.inner, track.outer, track.centre)
-    axes.plot(*np.stack([track.inner[0], track.outer[0]]).T, color="#D55E00", linewidth=2, zorder=3)
+    (point,), (heading,) = track.pose_at(np.zeros(1))
+    across = track.width / 2 * np.array([-np.sin(heading), np.cos(heading)])
+    line = np.stack([point - across, point + across])
+    axes.plot(*line.T, color="#D55E00", linewidth=2, zorder=3)
     shares = (np.arange(ARROWS) + 0.5) / ARROWS
     points, headings = track.pose_at(shares)
     ways = np.stack([np.cos(headings), np.sin(headings)], axis=1)

@@ -37,6 +37,9 @@ from repaint_cli.envs.racer.track import Floats, Track
 
 Rows = NDArray[np.int64]
 
+OPEN_START = 0.2
+"""Where the base stands at the start of an open track, so that all wheels are on it, m."""
+
 
 class Fleet:
     """The states of N cars; the attributes are (N, …) arrays that the methods change in place."""
@@ -97,9 +100,9 @@ class Fleet:
             reverse: who would drive the track the other way, (N,).
             rngs: everyone's own generator, which places the bots, (N,).
         """
+        self._starts[rows] = lap_fractions[rows] if self.track.closed else 0.0
         if not self.track.closed:
-            lap_fractions = np.zeros(len(lap_fractions))
-        self._starts[rows] = lap_fractions[rows]
+            lap_fractions = np.full(len(lap_fractions), OPEN_START / self.track.length)
         self._reverse[rows] = reverse[rows]
         self.states[rows] = 0.0
         for road, own in self._by_road(rows):

@@ -68,7 +68,7 @@ def params_of(now: Moment) -> dict[str, Any]:
         "progress": float(now.progress),
         "steps": float(now.steps),
         "speed": float(now.command[1]),
-        "steering_angle": float(np.rad2deg(now.command[0])),
+        "steering_angle": round(float(np.rad2deg(now.command[0])), 9),  # 15.0, as listed
         "track_width": float(m[ROAD_WIDTH]),
         "track_length": road.length,
         "waypoints": list(_waypoints(road)),
