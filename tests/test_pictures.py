@@ -1,4 +1,4 @@
-"""Which numbers of an evaluation and of a training a picture is drawn from."""
+"""Which numbers of an evaluation and of a training a picture or a table is made from."""
 
 import json
 from dataclasses import fields
@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from repaint_cli.cards import read_task
+from repaint_cli.cli.played import laps
 from repaint_cli.envs.racer import STATUS
 from repaint_cli.evaluate import Episodes
 from repaint_cli.history import Run
@@ -69,3 +70,13 @@ def test_a_trainings_pictures_are_drawn_from_its_logs(told, tmp_path):
     assert evaluated.tolist() == [7, 8, 9]
     assert told["plot_heatmap"][0] == drives
     assert json.loads((log.folder / "metrics" / "TrainingMetrics.json").read_text())
+
+
+def test_the_table_has_laps_and_crashes_with_intervals():
+    played = race()
+    played.records["progress"][-1, 0] = [100, 40, 10]
+    played.records["lap_time"][-1, 0] = [24.0, 9.0, 3.0]
+    progress, whole, seconds, crashes = laps(played, 0)
+    assert progress.startswith("50 [10, ")
+    assert (whole, seconds) == ("1 of 3", "24")
+    assert crashes.startswith("33.3 [0, ")

@@ -111,7 +111,7 @@ BROKEN = [
         "def reward_function(params):\n    return float('nan')",
         "found nan at step 1 of",
     ),
-    ("def reward_function(params):\n    return 100001", "found 100001 at step 1"),
+    ("\ndef reward_function(params):\n    return 100001", "reward.py:2: .* found 100001 at step 1"),
 ]
 
 

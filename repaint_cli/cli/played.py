@@ -24,7 +24,7 @@ def racing_summary(played: Episodes) -> dict[str, object]:
 def table(name: str, seeds: list[int], played: Episodes) -> Table:
     """Lay a row per seed: mean return with its interval over episodes, and laps or the length."""
     racing = played.progress is not None
-    more = ["progress, %", "laps", "lap time, s", "crashes"] if racing else ["length"]
+    more = ["progress, %", "laps", "lap time, s", "crashes, %"] if racing else ["length"]
     heads = ("seed", "return [95 % CI]", *more)
     rows = Table(*heads, title=name, title_justify="left", box=None, padding=(0, 1, 0, 0))
     for s, seed in enumerate(seeds):
@@ -42,12 +42,12 @@ def laps(played: Episodes, s: int) -> list[str]:
     assert status is not None
     assert seconds is not None
     whole = seconds[s][~np.isnan(seconds[s])]
-    crashes = int((status[s] == STATUS.index("crashed")).sum())
+    crashed = status[s] == STATUS.index("crashed")
     return [
         interval(progress[s]),
         f"{len(whole)} of {len(seconds[s])}",
         interval(whole) if len(whole) else "-",
-        str(crashes),
+        interval(100.0 * crashed),
     ]
 
 

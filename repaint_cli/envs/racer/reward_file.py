@@ -49,6 +49,7 @@ class RewardFunction:
                 "arguments as before 2019; take what it needs from the dictionary params"
             )
         self._function = function
+        self._line = getattr(getattr(function, "__code__", None), "co_firstlineno", 1)
 
     def __call__(self, params: dict[str, Any], row: int) -> float:
         """Return what it pays environment `row` for a step.
@@ -67,7 +68,7 @@ class RewardFunction:
             number = np.nan
         if not abs(number) <= LIMIT:  # nan too
             raise CardError(
-                f"{self._name}: expected a reward within ±100,000 from reward_function, "
+                f"{self._name}:{self._line}: expected a reward within ±100,000 from reward_function, "
                 f"found {paid!r} {step}"
             )
         return number
