@@ -68,8 +68,8 @@ class RewardFunction:
             number = np.nan
         if not abs(number) <= LIMIT:  # nan too
             raise CardError(
-                f"{self._name}:{self._line}: expected a reward within ±100,000 from reward_function, "
-                f"found {paid!r} {step}"
+                f"{self._name}:{self._line}: expected a reward within ±100,000 from "
+                f"reward_function, found {paid!r} {step}"
             )
         return number
 
