@@ -36,4 +36,4 @@ test-light:
 
 # Side-by-side speed measurements; let nothing else run meanwhile.
 bench: $(STAMP)
-	$(BIN)/python benchmarks/simulators.py --rounds 7
+	$(BIN)/python benchmarks/simulators.py --rounds 15
