@@ -45,6 +45,8 @@ class PPOConfig(Settings):
     """Weight of the entropy bonus."""
     vf_coef: float = Field(0.5, gt=0)
     """Weight of the value loss."""
+    compiled: bool = True
+    """Whether an `mlp` is updated with derivatives by hand; false runs the formulas as written."""
 
     @model_validator(mode="after")
     def _one_length(self) -> "PPOConfig":

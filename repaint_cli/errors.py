@@ -66,6 +66,15 @@ class DivergedError(RepaintError):
         super().__init__(message)
         self.row = row
 
+    @classmethod
+    def of_loss(cls, name: str, found: float, row: int) -> "DivergedError":
+        """Say which part of the loss it was."""
+        return cls(
+            f"expected a finite {name}, found {found}; "
+            "a smaller ppo.learning_rate or rewards of a smaller scale may help",
+            row=row,
+        )
+
 
 @contextmanager
 def telling_where(seeds: Sequence[int], moment: str) -> Iterator[None]:

@@ -8,7 +8,7 @@ import pytest
 from repaint_cli.paths import PACKAGE
 
 FLOORS = [
-    {"repaint_cli", "errors", "paths", "config"},
+    {"repaint_cli", "errors", "paths", "config", "kernels"},
     {"deepracer", "files", "envs", "distributions", "normalizer", "spaces", "report.statistics"},
     {"simulators"},
     {"tasks", "nets"},

@@ -89,7 +89,7 @@ def test_a_threshold_nothing_reaches_takes_no_instance_step(make):
 
 @TASKS
 def test_a_joint_update_that_kept_nothing_is_kickstart_bit_for_bit(make):
-    task = make(select=keeps(NOTHING))
+    task = make(select=keeps(NOTHING), compiled=False)
     joint, stats = trained(task, teacher=stranger(task), joint=True)
     assert stats[0].phase == "joint"
     assert same(whole(joint), whole(trained(task, teacher=stranger(task), instance=0)[0]))
@@ -238,7 +238,7 @@ def test_alpha_1_leaves_methods_without_transfer_alone(method):
 
 
 def test_alphas_scale_the_learning_rates_of_their_own_iterations_until_k():
-    task, scales = reach(n_iterations=4, n_epochs=1, minibatch_size=1000), []
+    task, scales = reach(n_iterations=4, n_epochs=1, minibatch_size=1000, compiled=False), []
     learner = learner_of(task, [0])
     step = learner.optimizer.step
 
@@ -259,7 +259,7 @@ def test_alphas_scale_the_learning_rates_of_their_own_iterations_until_k():
 
 def test_every_iteration_draws_noise_and_orders_of_its_own(batches_of):
     batches = batches_of("representation_loss")
-    trained(reach(n_epochs=1, minibatch_size=1000, learning_rate=1e-9))
+    trained(reach(n_epochs=1, minibatch_size=1000, learning_rate=1e-9, compiled=False))
     first, second = (batch.rows[0] for batch in batches)
     assert not torch.equal(first, second)
     noise = [batch.actions[0, batch.rows[0].argsort()] for batch in batches]  # the means are ≈ 0
@@ -268,7 +268,9 @@ def test_every_iteration_draws_noise_and_orders_of_its_own(batches_of):
 
 def test_the_first_ratio_is_one_and_advantages_have_mean_0_and_std_1(batches_of):
     batches = batches_of("representation_loss")
-    task = reach(n_iterations=3, n_epochs=1, minibatch_size=1000, learning_rate=0.05)
+    task = reach(
+        n_iterations=3, n_epochs=1, minibatch_size=1000, learning_rate=0.05, compiled=False
+    )
     _, stats = trained(task, seeds=(0, 1))
     for stat, batch in zip(stats, batches, strict=True):
         assert_close(torch.from_numpy(stat.numbers["approx_kl"]), torch.zeros(2), atol=1e-6, rtol=0)
@@ -298,7 +300,7 @@ def test_teacher_samples_carry_the_softened_teachers_log_probs(make, spread):
 
 
 def test_the_softened_teacher_is_what_is_imitated(monkeypatch):
-    task, seen, loss = reach(n_iterations=1), [], update.representation_loss
+    task, seen, loss = reach(n_iterations=1, compiled=False), [], update.representation_loss
 
     def spy(student, batch, teacher, *rest):
         seen.append(teacher)
@@ -306,6 +308,7 @@ def test_the_softened_teacher_is_what_is_imitated(monkeypatch):
 
     monkeypatch.setattr(update, "representation_loss", spy)
     trained(task, teacher=stranger(task), teacher_min_std=2.0)
+    assert seen
     for teacher in seen:
         assert_close(teacher.log_std.exp(), torch.full((1, 1, 1), 2.0))
 
@@ -343,7 +346,7 @@ def test_what_was_kept_is_what_reaches_the_threshold():
 
 def test_kept_advantages_stay_on_the_scale_they_were_judged_on(batches_of):
     batches = batches_of("instance_loss")
-    task = reach(select=keeps(0.5), n_epochs=1, minibatch_size=1000)
+    task = reach(select=keeps(0.5), n_epochs=1, minibatch_size=1000, compiled=False)
     trained(task, teacher=stranger(task))
     (batch,) = batches
     assert (batch.advantages >= 0.5).all()
@@ -414,7 +417,7 @@ def test_a_rollout_in_which_no_episode_can_end_is_refused():
 
 
 def test_weights_that_are_not_finite_name_their_seed():
-    task = reach(n_epochs=1, minibatch_size=1000)
+    task = reach(n_epochs=1, minibatch_size=1000, compiled=False)
     learner = learner_of(task, [4, 7])
     learner.optimizer.step = lambda *args: learner.student.storage[1].fill_(float("inf"))
     with pytest.raises(DivergedError, match=r"iteration 1, seed 7: .* weights"):

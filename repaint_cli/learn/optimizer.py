@@ -7,6 +7,9 @@ from torch import Tensor
 
 from repaint_cli.nets import ActorCritic
 
+EPSILON = 1e-5
+"""Adam's ε, as PPO has it."""
+
 
 class RowAdam:
     """Adam over 2S rows, a policy and a critic per seed, each with its own count of steps.
@@ -18,35 +21,36 @@ class RowAdam:
 
     def __init__(self, student: ActorCritic, learning_rate: float) -> None:
         cut, n_seeds = student.n_policy, student.n_seeds
-        halves = [slice(None, cut)] * n_seeds + [slice(cut, None)] * n_seeds
-        seeds = [*range(n_seeds), *range(n_seeds)]
-        self.rows = [
-            torch.nn.Parameter(student.storage[s, half])
-            for s, half in zip(seeds, halves, strict=True)
+        self.first, self.second = (
+            torch.zeros_like(student.storage),
+            torch.zeros_like(student.storage),
+        )
+        self.steps = torch.zeros(2, n_seeds)
+        places = [
+            (s, half) for half in (slice(None, cut), slice(cut, None)) for s in range(n_seeds)
         ]
-        self._gradients = [student.gradients[s, h] for s, h in zip(seeds, halves, strict=True)]
-        self._adam = torch.optim.Adam(self.rows, learning_rate, eps=1e-5, fused=True)
+        self._rows = [torch.nn.Parameter(student.storage[place]) for place in places]
+        self._gradients = [student.gradients[place] for place in places]
+        self._adam = torch.optim.Adam(self._rows, learning_rate, eps=EPSILON, fused=True)
+        for row, place, step in zip(self._rows, places, self.steps.view(-1), strict=True):
+            self._adam.state[row] = {
+                "step": step, "exp_avg": self.first[place], "exp_avg_sq": self.second[place]
+            }  # fmt: skip
         self.learning_rate = learning_rate
 
     def step(self, policies: Sequence[bool], critics: Sequence[bool], scale: float = 1.0) -> None:
         """Move the named policies and critics, (S,) each, at `scale` times the learning rate."""
         self._adam.param_groups[0]["lr"] = self.learning_rate * scale
         moving = [*policies, *critics]
-        for row, gradient, moves in zip(self.rows, self._gradients, moving, strict=True):
+        for row, gradient, moves in zip(self._rows, self._gradients, moving, strict=True):
             row.grad = gradient if moves else None
         self._adam.step()
 
     def state(self) -> dict[str, Tensor]:
-        """Return moments and step counts by row number."""
-        states = self._adam.state_dict()["state"]
-        return {
-            f"{row}.{name}": value for row, parts in states.items() for name, value in parts.items()
-        }
+        """Return the moments, (S, P) each, and how many steps policies and critics took, (2, S)."""
+        return {"first": self.first, "second": self.second, "steps": self.steps}
 
     def load(self, state: dict[str, Tensor]) -> None:
         """Put moments and step counts in place."""
-        rows: dict[int, dict[str, Tensor]] = {}
-        for key, value in state.items():
-            row, _, name = key.partition(".")
-            rows.setdefault(int(row), {})[name] = value
-        self._adam.load_state_dict(self._adam.state_dict() | {"state": rows})
+        for name, tensor in self.state().items():
+            tensor.copy_(state[name])

@@ -1,6 +1,7 @@
 """Drive S × N environments with a policy and remember who acted, what was paid, how it ended."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -121,7 +122,7 @@ def collect(
         enough = not running.any() if n_steps is None else bool((taken >= n_steps).all())
         if enough:
             return tape.rollout()
-        with torch.no_grad():
+        with torch.no_grad(), _threads_for(obs):
             actions, log_probs = _act(policy, obs, valid, noise, greedy)
         obs, rewards, terminated, truncated, info = env.step(
             clip(actions, env).reshape(-1, *actions.shape[2:])
@@ -156,6 +157,18 @@ def _act(
     return actions, full_log_probs
 
 
+@contextmanager
+def _threads_for(obs: Any) -> Iterator[None]:
+    """Keep torch to one thread for vectors: waiting ones would spin against the simulator's."""
+    threads = torch.get_num_threads()
+    if all(part.ndim == 3 for part in parts(obs)):
+        torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(threads)
+
+
 def _tensor(array: np.ndarray, seats: Any) -> Tensor:
     """Return some observations of an array as the networks read them."""
     tensor = torch.from_numpy(np.ascontiguousarray(array[seats]))
@@ -171,7 +184,9 @@ def clip(actions: np.ndarray, env: RewardTerms) -> np.ndarray:
 
 
 def _check_finite(numbers: np.ndarray, mask: np.ndarray, what: str, t: int) -> None:
-    if numbers.dtype.kind == "f" and not np.isfinite(numbers[mask]).all():
+    if numbers.dtype.kind != "f" or np.isfinite(numbers.sum()):
+        return  # quick, and nearly always
+    if not np.isfinite(numbers[mask]).all():
         s, n = np.argwhere(mask & ~np.isfinite(numbers).all(-1))[0]
         raise DivergedError(
             f"expected finite numbers from the environment, found {what} that is not, "

@@ -1,6 +1,6 @@
 """Gradient steps: epochs of minibatches, for all seeds at once and for each as if alone."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import torch
@@ -9,6 +9,7 @@ from torch import Tensor
 from repaint_cli.config import PPOConfig
 from repaint_cli.distributions import Distribution
 from repaint_cli.errors import DivergedError
+from repaint_cli.learn import by_hand
 from repaint_cli.learn.advantages import Samples
 from repaint_cli.learn.losses import approx_kl, clipped_surrogate, squared_error
 from repaint_cli.learn.optimizer import RowAdam
@@ -19,20 +20,20 @@ class Means:
     """Each seed's mean of named numbers over the gradient steps it took part in."""
 
     def __init__(self) -> None:
-        self._sums: dict[str, Tensor] = {}
-        self._steps: dict[str, Tensor] = {}
+        self._steps: dict[str, list[tuple[Tensor, Tensor]]] = {}
 
     def add(self, counts: Tensor, numbers: dict[str, Tensor]) -> None:
         """Take numbers (S,) of the seeds whose count of samples is above 0."""
-        took_part = counts > 0
         for name, number in numbers.items():
-            taken = torch.where(took_part, number.detach(), 0.0)
-            self._sums[name] = self._sums.get(name, 0) + taken
-            self._steps[name] = self._steps.get(name, 0) + took_part.float()
+            self._steps.setdefault(name, []).append((counts, number.detach()))
 
     def numpy(self) -> dict[str, np.ndarray]:
         """Return the means, (S,) each; nan for a seed that took no step."""
-        return {name: (total / self._steps[name]).numpy() for name, total in self._sums.items()}
+        means = {}
+        for name, steps in self._steps.items():
+            counts, numbers = map(torch.stack, zip(*steps, strict=True))  # (steps, S)
+            means[name] = numbers.where(counts > 0, torch.nan).nanmean(0).numpy()
+        return means
 
 
 def shuffle(samples: Samples, rngs: Sequence[np.random.Generator]) -> Tensor:
@@ -51,10 +52,19 @@ def part(order: Tensor, starts: Tensor, stops: Tensor) -> tuple[Tensor, Tensor]:
     return order.gather(1, reach.clamp(max=order.shape[1] - 1)), counts
 
 
+def mean_over(counts: Tensor, width: int) -> Callable[[Tensor], Tensor]:
+    """Return what takes each seed's mean of its first counts[s] numbers, (S, width) → (S,).
+
+    The mean of none is 0.
+    """
+    mask = torch.arange(width) < counts.unsqueeze(1)
+    weights = mask / counts.clamp(min=1).unsqueeze(1)
+    return lambda numbers: (numbers * weights).sum(-1)
+
+
 def masked_mean(numbers: Tensor, counts: Tensor) -> Tensor:
-    """Return each seed's mean over its first counts[s] numbers, (S, b) → (S,); 0 of none."""
-    mask = torch.arange(numbers.shape[1]) < counts.unsqueeze(1)
-    return (numbers * mask).sum(-1) / counts.clamp(min=1)
+    """Return each seed's mean of its first counts[s] numbers, (S, b) → (S,); 0 of none."""
+    return mean_over(counts, numbers.shape[1])(numbers)
 
 
 def representation_loss(
@@ -69,22 +79,22 @@ def representation_loss(
     obs, counts = batch.frames.take(batch.rows), batch.counts
     policy = student.policy(obs, counts.tolist())
     values = student.value(obs, counts.tolist())
-    log_probs = policy.log_prob(batch.actions)
+    log_probs, mean = policy.log_prob(batch.actions), mean_over(counts, batch.rows.shape[1])
     surrogate = clipped_surrogate(
         log_probs, batch.behavior_log_probs, batch.advantages, ppo.clip_range
     )
     numbers = {
-        "policy_loss": masked_mean(surrogate, counts),
-        "value_loss": masked_mean(squared_error(values, batch.returns), counts),
-        "entropy": masked_mean(policy.entropy().expand_as(log_probs), counts),
-    } | _ratio_numbers(log_probs, batch, ppo.clip_range)
+        "policy_loss": mean(surrogate),
+        "value_loss": mean(squared_error(values, batch.returns)),
+        "entropy": mean(policy.entropy().expand_as(log_probs)),
+    } | _ratio_numbers(log_probs, batch, ppo.clip_range, mean)
     loss = (
         numbers["policy_loss"]
         + ppo.vf_coef * numbers["value_loss"]
         - ppo.ent_coef * numbers["entropy"]
     )
     if teacher is not None:
-        numbers["cross_entropy"] = masked_mean(teacher.cross_entropy(policy), counts)
+        numbers["cross_entropy"] = mean(teacher.cross_entropy(policy))
         loss = loss + beta * numbers["cross_entropy"]
     return loss, numbers
 
@@ -98,22 +108,24 @@ def instance_loss(
     data only.
     """
     policy = student.policy(batch.frames.take(batch.rows), batch.counts.tolist())
-    log_probs = policy.log_prob(batch.actions)
+    log_probs, mean = policy.log_prob(batch.actions), mean_over(batch.counts, batch.rows.shape[1])
     surrogate = clipped_surrogate(
         log_probs, batch.behavior_log_probs, batch.advantages, ppo.clip_range
     )
-    loss = masked_mean(surrogate, batch.counts)
-    numbers = {"policy_loss": loss} | _ratio_numbers(log_probs, batch, ppo.clip_range)
-    log_ratio = masked_mean(log_probs - batch.behavior_log_probs, batch.counts)
+    loss = mean(surrogate)
+    numbers = {"policy_loss": loss} | _ratio_numbers(log_probs, batch, ppo.clip_range, mean)
+    log_ratio = mean(log_probs - batch.behavior_log_probs)
     return loss, numbers | {"log_ratio": log_ratio, "kept_clip_fraction": numbers["clip_fraction"]}
 
 
-def _ratio_numbers(log_probs: Tensor, batch: Samples, clip_range: float) -> dict[str, Tensor]:
+def _ratio_numbers(
+    log_probs: Tensor, batch: Samples, clip_range: float, mean: Callable[[Tensor], Tensor]
+) -> dict[str, Tensor]:
     with torch.no_grad():
-        outside = ((log_probs - batch.behavior_log_probs).exp() - 1).abs() > clip_range
+        log_ratio = log_probs - batch.behavior_log_probs
         return {
-            "approx_kl": masked_mean(approx_kl(log_probs, batch.behavior_log_probs), batch.counts),
-            "clip_fraction": masked_mean(outside.float(), batch.counts),
+            "approx_kl": mean(approx_kl(log_probs, batch.behavior_log_probs)),
+            "clip_fraction": mean((torch.expm1(log_ratio).abs() > clip_range).float()),
         }
 
 
@@ -151,6 +163,10 @@ def learn_on_policy(
     Raises:
         DivergedError: a loss is not finite.
     """
+    if ppo.compiled and by_hand.applies_to(student) and instances is None:
+        return by_hand.learn(
+            student, optimizer, samples, ppo, rngs, teacher=teacher, beta=beta, scale=alpha_1
+        )
     means, size = Means(), ppo.minibatch_size
     n_steps = -(-samples.counts // size)  # each seed's own ceil(n / 64)
     for _ in range(ppo.n_epochs):
@@ -189,6 +205,8 @@ def learn_from_instances(
 
     A seed that kept no samples takes no step. See `learn_on_policy` for the arguments.
     """
+    if ppo.compiled and by_hand.applies_to(student):
+        return by_hand.learn(student, optimizer, samples, ppo, rngs, scale=alpha_2, critic=False)
     means, size = Means(), ppo.minibatch_size
     still = [False] * student.n_seeds
     for _ in range(ppo.n_epochs):
@@ -213,11 +231,7 @@ def _check_finite(loss: Tensor, parts: dict[str, Tensor]) -> None:
         return
     row = int((~torch.isfinite(loss)).nonzero()[0])
     name = next((n for n, part in parts.items() if not torch.isfinite(part[row])), "loss")
-    raise DivergedError(
-        f"expected a finite {name}, found {parts.get(name, loss)[row].item()}; "
-        "a smaller ppo.learning_rate or rewards of a smaller scale may help",
-        row=row,
-    )
+    raise DivergedError.of_loss(name, parts.get(name, loss)[row].item(), row)
 
 
 def _step(

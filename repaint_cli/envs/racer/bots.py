@@ -10,8 +10,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from repaint_cli.envs.racer.kernels import kernel
 from repaint_cli.envs.racer.track import Floats, Track
+from repaint_cli.kernels import kernel
 
 BOT_SPEED = 0.2
 """Along the centre line, so that the true speed differs a little by lane, m/s."""

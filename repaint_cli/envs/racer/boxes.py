@@ -5,7 +5,7 @@ Rays are followed in the box's own frame, where it is three pairs of planes.
 
 import numpy as np
 
-from repaint_cli.envs.racer.kernels import kernel
+from repaint_cli.kernels import kernel
 
 LENGTH, WIDTH, HEIGHT = 0.324, 0.188, 0.21
 """Of a bot's body, m."""

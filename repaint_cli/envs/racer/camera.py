@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from repaint_cli.envs.racer.ground import LEVELS, TEXEL
-from repaint_cli.envs.racer.kernels import kernel
+from repaint_cli.kernels import kernel
 
 WIDTH, HEIGHT = 160, 120
 CAMERA_X, CAMERA_Z = 0.14529379, 0.13032555

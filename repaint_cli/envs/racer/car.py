@@ -11,7 +11,7 @@ from dataclasses import astuple, dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from repaint_cli.envs.racer.kernels import kernel
+from repaint_cli.kernels import kernel
 
 STEP_SECONDS = 1 / 15
 """One step is one camera frame."""

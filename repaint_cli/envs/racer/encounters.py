@@ -5,7 +5,7 @@ All cars have the body of DeepRacer's collision rectangle, centred on the base.
 
 import numpy as np
 
-from repaint_cli.envs.racer.kernels import kernel
+from repaint_cli.kernels import kernel
 
 BODY_LENGTH, BODY_WIDTH = 0.32352, 0.1961
 """Of the collision rectangle, m."""

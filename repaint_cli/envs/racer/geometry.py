@@ -6,7 +6,7 @@ A line is (M, 2); a ring is a line whose last row repeats its first.
 
 import numpy as np
 
-from repaint_cli.envs.racer.kernels import kernel
+from repaint_cli.kernels import kernel
 
 NDIST, CENTRE_GAP, INNER_GAP, OUTER_GAP, ROAD_WIDTH, WHEELS_ON = range(6)
 """Columns of `locate`'s answer."""

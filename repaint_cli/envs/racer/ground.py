@@ -11,8 +11,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from repaint_cli.envs.racer.kernels import kernel
 from repaint_cli.envs.racer.track import Floats, Track
+from repaint_cli.kernels import kernel
 
 ROAD, LINE, CENTRE_LINE, FIELD = 52.0, 222.0, 148.0, 128.0
 """Grey levels of road, border lines, centre dashes and field."""

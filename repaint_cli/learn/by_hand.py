@@ -1,0 +1,154 @@
+"""The updates of `update` for small dense networks, with derivatives by hand, compiled.
+
+Same samples, same order, same numbers to rounding: `tests/test_by_hand.py` holds the two together.
+A seed's policy and critic share nothing, so each is a job of its own, and jobs share the cores.
+"""
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from functools import cache, partial
+
+import numpy as np
+import torch
+from threadpoolctl import ThreadpoolController
+
+from repaint_cli.config import PPOConfig
+from repaint_cli.distributions import Categorical, Distribution, Gaussian
+from repaint_cli.errors import DivergedError
+from repaint_cli.learn.advantages import Samples
+from repaint_cli.learn.dense import Batch, Choices, Place
+from repaint_cli.learn.dense_kernels import POLICY_NUMBERS, learn_policy, learn_value
+from repaint_cli.learn.optimizer import RowAdam
+from repaint_cli.nets import ActorCritic
+
+
+def applies_to(student: ActorCritic) -> bool:
+    """Tell whether a student's networks are dense."""
+    return student.net.kind == "mlp"
+
+
+def learn(
+    student: ActorCritic,
+    optimizer: RowAdam,
+    samples: Samples,
+    ppo: PPOConfig,
+    rngs: Sequence[np.random.Generator],
+    *,
+    teacher: Distribution | None = None,
+    beta: float = 0.0,
+    scale: float = 1.0,
+    critic: bool = True,
+) -> dict[str, np.ndarray]:
+    """Take every step of `learn_on_policy`, or without a critic of `learn_from_instances`.
+
+    Args:
+        student: who learns; its networks are dense.
+        optimizer: its optimiser.
+        samples: of the student, or selected ones of the teacher.
+        ppo: epochs, minibatches and coefficients.
+        rngs: one generator per seed for the order of the samples.
+        teacher: the teacher's distributions at the samples, for the cross-entropy.
+        beta: β_k.
+        scale: of the learning rate.
+        critic: whether critics learn too, and policies get the entropy bonus.
+
+    Returns:
+        Each seed's mean losses and diagnostics, (S,) each.
+
+    Raises:
+        DivergedError: a loss is not finite.
+    """
+    assert student.normalizer is not None
+    counts = samples.counts.tolist()
+    obs = student.normalizer.normalize(samples.frames.take(samples.rows)).numpy()
+    actions, advised, spreads = _choices(student, samples, teacher)
+    told = np.zeros((len(counts), ppo.n_epochs * -(-max(counts) // ppo.minibatch_size), 7))
+    policies, critics = list[_Job](), list[_Job]()
+    for s, (n, rng) in enumerate(zip(counts, rngs, strict=True)):
+        order = np.stack([rng.permutation(n) for _ in range(ppo.n_epochs)])
+        batch = Batch(obs[s], order, ppo.minibatch_size)
+        choices = Choices(
+            student.spaces.discrete, actions[s], samples.behavior_log_probs[s].numpy(),
+            samples.advantages[s].numpy(), advised[s], spreads[s], ppo.clip_range,
+            ppo.ent_coef if critic else 0.0, beta,
+        )  # fmt: skip
+        place, returns = Place(student, optimizer, s, scale), samples.returns[s].numpy()
+        policies.append(partial(_policy_steps, place, batch, choices, told[s, :, :6]))
+        critics.append(partial(_value_steps, place, batch, returns, ppo.vf_coef, told[s, :, 6:]))
+    jobs = policies + critics if critic else policies
+    with _blas().limit(limits=1), ThreadPoolExecutor(torch.get_num_threads()) as pool:
+        steps = list(pool.map(lambda job: job(), jobs))
+    numbers = _means(told, np.array(steps[: len(counts)]))
+    return _as_plain(numbers, critic, teacher is not None)
+
+
+def _policy_steps(place: Place, batch: Batch, choices: Choices, told: np.ndarray) -> int:
+    if choices.discrete:
+        log_std = slope = np.zeros(0, np.float32)
+    else:
+        log_std, slope = place.leaf("policy.log_std")
+    tower, row = place.tower("policy", batch.size), place.row(0)
+    steps = learn_policy(tower, row, log_std, slope, batch, choices, told)
+    place.optimizer.steps[0, place.s] += steps
+    return steps
+
+
+def _value_steps(
+    place: Place, batch: Batch, returns: np.ndarray, vf_coef: float, told: np.ndarray
+) -> int:
+    tower, row = place.tower("value", batch.size), place.row(1)
+    steps = learn_value(tower, row, batch, returns, vf_coef, told)
+    place.optimizer.steps[1, place.s] += steps
+    return steps
+
+
+def _choices(
+    student: ActorCritic, samples: Samples, teacher: Distribution | None
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return actions (S, B, A), one-hot where discrete, and the teacher: (S, B, A) and (S, A)."""
+    actions, n_actions = samples.actions, student.spaces.n_actions
+    if student.spaces.discrete:
+        actions = torch.nn.functional.one_hot(actions, n_actions).float()
+    spreads = torch.zeros(len(actions), n_actions)
+    match teacher:
+        case Gaussian():
+            return actions.numpy(), teacher.mean.numpy(), (spreads + teacher.log_std[:, 0]).numpy()
+        case Categorical():
+            return actions.numpy(), teacher.log_probs.numpy(), spreads.numpy()
+    return actions.numpy(), torch.zeros_like(actions).numpy(), spreads.numpy()
+
+
+@cache
+def _blas() -> ThreadpoolController:
+    """Return a handle on what compiled code multiplies with, whose own threads would fight ours."""
+    import scipy.linalg.cython_blas  # noqa: F401  numba calls it; a library not yet loaded has no handle
+
+    return ThreadpoolController().select(user_api="blas")
+
+
+_Job = Callable[[], int]
+"""Takes all steps of a policy or a critic and returns how many those were."""
+
+
+def _means(told: np.ndarray, steps: np.ndarray) -> dict[str, np.ndarray]:
+    """Return each seed's means over its steps, (S,) each, nan of none; told is (S, steps, 7).
+
+    Raises:
+        DivergedError: one of them is not finite.
+    """
+    names = (*POLICY_NUMBERS, "value_loss")
+    if not np.isfinite(told).all():
+        row, step, column = np.argwhere(~np.isfinite(told))[0]
+        raise DivergedError.of_loss(names[column], told[row, step, column], int(row))
+    with np.errstate(invalid="ignore"):
+        means = (told.sum(1) / steps[:, None]).astype(np.float32)  # (S, 7)
+    return dict(zip(names, means.T, strict=True))
+
+
+def _as_plain(numbers: dict[str, np.ndarray], critic: bool, teacher: bool) -> dict[str, np.ndarray]:
+    """Return the numbers that the plain update would tell, by their names there."""
+    if not critic:
+        kept = ("policy_loss", "approx_kl", "clip_fraction", "log_ratio")
+        return {n: numbers[n] for n in kept} | {"kept_clip_fraction": numbers["clip_fraction"]}
+    without = {"log_ratio"} if teacher else {"log_ratio", "cross_entropy"}
+    return {name: number for name, number in numbers.items() if name not in without}

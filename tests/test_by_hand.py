@@ -1,0 +1,192 @@
+"""The compiled update of dense networks against the plain one, which reads like the paper."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from numpy.testing import assert_allclose
+from torch.testing import assert_close
+
+from repaint_cli.config import NetConfig, PPOConfig
+from repaint_cli.distributions import Categorical, Gaussian
+from repaint_cli.errors import DivergedError
+from repaint_cli.learn.advantages import Samples
+from repaint_cli.learn.dense_kernels import tanh
+from repaint_cli.learn.frames import Frames
+from repaint_cli.learn.optimizer import RowAdam
+from repaint_cli.learn.update import learn_from_instances, learn_on_policy
+from repaint_cli.nets import ActorCritic
+from repaint_cli.spaces import Spaces
+
+PLAIN = PPOConfig(
+    compiled=False, n_epochs=3, minibatch_size=16, learning_rate=1e-2, ent_coef=0.03, vf_coef=0.7
+)
+HAND = PLAIN.model_copy(update={"compiled": True})
+KINDS = pytest.mark.parametrize("discrete", [False, True], ids=["gaussian", "categorical"])
+NETS = pytest.mark.parametrize("hidden", [(8,), (16, 12), (8, 8, 8)], ids=str)
+
+
+def learner(discrete, hidden=(16, 12), n_seeds=3):
+    """Students whose policies are not near uniform, after some observations, and their Adam."""
+    student = ActorCritic(Spaces((5,), 3, discrete=discrete), NetConfig(hidden=hidden), n_seeds)
+    rngs = [np.random.default_rng(s) for s in range(n_seeds)]
+    student.initialize(rngs)
+    for s, rng in enumerate(rngs):
+        student.normalizer.update(s, torch.from_numpy(rng.normal(1, 2, (50, 5))))
+    student.weights["policy.head.weight"].data.mul_(50)
+    if not discrete:
+        student.weights["policy.log_std"].data.uniform_(-1, 0.5, generator=torch.manual_seed(1))
+    return student, RowAdam(student, PLAIN.learning_rate)
+
+
+def samples(discrete, *counts, hidden=(16, 12), seed=0):
+    """Samples with ratios inside and on both sides of the clip range, Â of both signs."""
+    rng, longest = np.random.default_rng(seed), max(counts)
+
+    def draw(*shape):
+        return torch.from_numpy(rng.normal(size=(len(counts), longest, *shape)).astype(np.float32))
+
+    obs, actions = 2 * draw(5) + 1, draw(3)
+    if discrete:
+        actions = actions.argmax(-1)
+    with torch.no_grad():
+        log_probs = learner(discrete, hidden, len(counts))[0].policy(obs).log_prob(actions)
+    return Samples(
+        frames=Frames(list(obs)),
+        rows=torch.arange(longest).repeat(len(counts), 1),
+        actions=actions,
+        behavior_log_probs=log_probs + 0.3 * draw(),
+        advantages=draw(),
+        returns=draw(),
+        rewards=draw(),
+        counts=torch.tensor(counts),
+    )
+
+
+def teacher(discrete, like):
+    rng = torch.manual_seed(3)
+    numbers = torch.randn(*like.rows.shape, 3, generator=rng)
+    if discrete:
+        return Categorical.from_logits(numbers)
+    return Gaussian(numbers, torch.randn(len(numbers), 1, 3, generator=rng) / 3)
+
+
+def rngs(n=3):
+    return [np.random.default_rng(10 + s) for s in range(n)]
+
+
+def both(discrete, hidden, learn):
+    """Learn twice, plain and by hand; return what each told and who learned."""
+    told, learned = [], []
+    for ppo in (PLAIN, HAND):
+        student, optimizer = learner(discrete, hidden)
+        told.append(learn(student, optimizer, ppo))
+        learned.append((student, optimizer))
+    return told, learned
+
+
+def assert_same(told, learned, atol=1e-5):
+    (plain, adam), (hand, hand_adam) = learned
+    assert told[0].keys() == told[1].keys()
+    for name in told[0]:
+        assert_allclose(told[1][name], told[0][name], rtol=1e-5, atol=1e-6, err_msg=name)
+    assert_close(hand.storage, plain.storage, rtol=0, atol=atol)
+    assert_close(hand_adam.steps, adam.steps)
+
+
+@KINDS
+@NETS
+@pytest.mark.parametrize("beta", [0.0, 0.7])
+def test_a_step_has_the_gradients_of_the_plain_one(discrete, hidden, beta):
+    batch = samples(discrete, 16, 16, 16, hidden=hidden)
+    advice = teacher(discrete, batch) if beta else None
+
+    def learn(student, optimizer, ppo):
+        once = ppo.model_copy(update={"n_epochs": 1})
+        return learn_on_policy(
+            student, optimizer, batch, once, rngs(), teacher=advice, beta=beta, alpha_1=0.5
+        )
+
+    told, learned = both(discrete, hidden, learn)
+    assert 0.2 < told[0]["clip_fraction"].mean() < 0.8
+    assert_close(learned[1][0].gradients, learned[0][0].gradients, rtol=1e-5, atol=1e-6)
+    assert learned[0][0].gradients.abs().max() > 0.1
+    assert_same(told, learned, atol=5e-6)
+
+
+@KINDS
+@NETS
+def test_an_update_ends_where_the_plain_one_does_with_unequal_counts(discrete, hidden):
+    batch = samples(discrete, 50, 33, 7, hidden=hidden)
+    advice = teacher(discrete, batch)
+
+    def learn(student, optimizer, ppo):
+        return learn_on_policy(student, optimizer, batch, ppo, rngs(), teacher=advice, beta=0.3)
+
+    told, learned = both(discrete, hidden, learn)
+    assert_same(told, learned)
+    assert learned[1][1].steps[0].tolist() == [12, 9, 3]
+
+
+@KINDS
+def test_instances_move_policies_alone_and_a_seed_without_any_stays(discrete):
+    batch = samples(discrete, 40, 0, 9)
+
+    def learn(student, optimizer, ppo):
+        return learn_from_instances(student, optimizer, batch, ppo, rngs(), alpha_2=0.3)
+
+    told, learned = both(discrete, (16, 12), learn)
+    assert_same(told, learned)
+    untouched, _ = learner(discrete)
+    hand, optimizer = learned[1]
+    assert_close(hand.storage[1], untouched.storage[1], rtol=0, atol=0)
+    assert_close(hand.storage[:, hand.n_policy :], untouched.storage[:, hand.n_policy :])
+    assert optimizer.steps.tolist() == [[9, 0, 3], [0, 0, 0]]
+    assert np.isnan(told[1]["policy_loss"][1])
+
+
+@KINDS
+def test_updates_of_both_kinds_may_take_turns(discrete):
+    """Adam's moments and counts are the same buffers for both."""
+    batch, kept = samples(discrete, 40, 40, 40), samples(discrete, 20, 11, 16, seed=5)
+
+    def learn(student, optimizer, ppo):
+        learn_on_policy(student, optimizer, batch, ppo, rngs())
+        learn_from_instances(student, optimizer, kept, PLAIN, rngs())
+        return learn_on_policy(student, optimizer, batch, ppo, rngs())
+
+    assert_same(*both(discrete, (16, 12), learn), atol=5e-5)
+
+
+@KINDS
+def test_the_number_of_threads_changes_nothing(discrete):
+    batch, ended = samples(discrete, 40, 30, 20), []
+    before = torch.get_num_threads()
+    for threads in (1, 2):
+        torch.set_num_threads(threads)
+        student, optimizer = learner(discrete)
+        learn_on_policy(student, optimizer, batch, HAND, rngs())
+        ended.append(student.storage)
+    torch.set_num_threads(before)
+    assert torch.equal(*ended)
+
+
+@pytest.mark.parametrize(
+    ("part", "name"), [("returns", "value_loss"), ("advantages", "policy_loss")]
+)
+def test_a_loss_that_is_not_finite_is_named_with_its_seed(part, name):
+    batch = samples(False, 40, 40, 40)
+    numbers = getattr(batch, part).clone()
+    numbers[1, 17] = torch.inf
+    student, optimizer = learner(False)
+    with pytest.raises(DivergedError, match=f"expected a finite {name}, found") as caught:
+        learn_on_policy(student, optimizer, replace(batch, **{part: numbers}), HAND, rngs())
+    assert caught.value.row == 1
+
+
+def test_tanh_is_tanh():
+    x = np.concatenate([np.linspace(-12, 12, 4001), [1e-6, -1e-4, 50, -1e30, np.inf]])
+    x = x.astype(np.float32)
+    assert_allclose([tanh(number) for number in x], np.tanh(x.astype(float)), rtol=3e-7)
+    assert np.isnan(tanh(np.float32(np.nan)))
