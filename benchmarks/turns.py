@@ -54,7 +54,7 @@ def span(numbers: np.ndarray, digits: str) -> str:
 
 def show(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]], note: str) -> None:
     """Print a table, and what its numbers are."""
-    table = Table(title, *columns, box=None, title_justify="left")
+    table = Table("", *columns, title=title, box=None, title_justify="left")
     for row in rows:
         table.add_row(*row)
     Console().print(table)

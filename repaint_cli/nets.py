@@ -62,6 +62,7 @@ class ActorCritic:
         self.storage = torch.zeros(n_seeds, total)
         self.gradients = torch.zeros(n_seeds, total)
         self.weights = dict(self._views())
+        self._own = dict(self._seed_by_seed()) if spaces.image else {}
         self.normalizer = None if spaces.image else Normalizer(n_seeds, spaces.obs_shape[0])
 
     def _views(self) -> Iterator[tuple[str, Tensor]]:
@@ -73,6 +74,15 @@ class ActorCritic:
             weight.grad = self.gradients[:, start:stop].view(shape)
             yield leaf.name, weight
             start = stop
+
+    def _seed_by_seed(self) -> Iterator[tuple[str, list[Tensor]]]:
+        """Name each seed's own parameters: a stacked one's row costs a copy of all, backwards."""
+        for name, stacked in self.weights.items():
+            assert stacked.grad is not None
+            rows = [row.detach().requires_grad_() for row in stacked.detach()]
+            for row, gradient in zip(rows, stacked.grad, strict=True):
+                row.grad = gradient
+            yield name, rows
 
     def initialize(self, rngs: Sequence[np.random.Generator]) -> None:
         """Draw every seed's first parameters from its own generator."""
@@ -129,9 +139,7 @@ class ActorCritic:
         for layer, (_, _, stride) in enumerate(shape.layers):
             name = f"{eyes}.conv{layer}"
             x = bend(
-                F.conv2d(
-                    x, self.weights[f"{name}.weight"][s], self.weights[f"{name}.bias"][s], stride
-                )
+                F.conv2d(x, self._own[f"{name}.weight"][s], self._own[f"{name}.bias"][s], stride)
             )
         x = x.flatten(1)
         if shape.dense:
@@ -145,7 +153,7 @@ class ActorCritic:
         return self._dense_of(s, x, f"{tower}.head")
 
     def _dense_of(self, s: int, x: Tensor, name: str) -> Tensor:
-        return torch.addmm(self.weights[f"{name}.bias"][s], x, self.weights[f"{name}.weight"][s])
+        return torch.addmm(self._own[f"{name}.bias"][s], x, self._own[f"{name}.weight"][s])
 
 
 def brightness(images: Tensor, pool: int) -> Tensor:

@@ -1,0 +1,158 @@
+"""Training time per environment step on the camera racer: Stable-Baselines3, repaint, the bound.
+
+    python benchmarks/training_racer.py
+
+One car, 120 × 160 pixels, two networks of three convolutions and 512 units each, the paper's 8
+epochs of minibatches of 64, at `net.pool` 2 and 1. Both sides drive the same simulator: repaint 20
+cars for an episode each, Stable-Baselines3 20 cars through the Gymnasium interface. The bound is
+what the arithmetic alone needs, bare convolutions in torch's fastest layout, and then the simulator
+alone. The first iteration is not counted.
+"""
+
+import warnings
+from functools import partial
+from time import perf_counter
+from typing import Any
+
+import gymnasium
+import numpy as np
+import torch
+from torch import nn
+from turns import answer, arguments, in_turns, show, span
+
+from repaint_cli.cards import read_task
+
+CARS, EPOCHS, MINIBATCH, SB3_STEPS = 20, 8, 64, 1280
+POOLS = (2, 1)
+
+
+class OneCar(gymnasium.Env[np.ndarray, np.int64]):
+    """The racer with one car, as Gymnasium's simplest interface has it."""
+
+    def __init__(self) -> None:
+        self._cars = read_task("racer-inner").make_env(1, one_episode=True)
+        self.observation_space = self._cars.single_observation_space
+        self.action_space = self._cars.single_action_space
+
+    def reset(self, *, seed: int | None = None, options: Any = None) -> tuple[np.ndarray, Any]:
+        """Start a new episode."""
+        obs, info = self._cars.reset(seed=seed)
+        return obs[0], {}
+
+    def step(self, action: np.int64) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
+        """Drive for a step."""
+        obs, rewards, terminated, truncated, _ = self._cars.step(np.array([action]))
+        return obs[0], float(rewards[0]), bool(terminated[0]), bool(truncated[0]), {}
+
+
+def sb3(pool: int) -> float:
+    """Train with Stable-Baselines3's CnnPolicy and the same networks; return ms per step."""
+    warnings.simplefilter("ignore")
+    from stable_baselines3 import PPO
+    from stable_baselines3.common.env_util import make_vec_env
+    from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
+
+    class Eyes(BaseFeaturesExtractor):
+        def __init__(self, space: gymnasium.spaces.Box) -> None:
+            super().__init__(space, 512)
+            self.layers = nn.Sequential(nn.AvgPool2d(pool), *convolutions(pool))
+
+        def forward(self, images: torch.Tensor) -> torch.Tensor:
+            return self.layers(images)
+
+    policy = {"features_extractor_class": Eyes, "share_features_extractor": False, "net_arch": []}
+    learner = PPO(
+        "CnnPolicy", make_vec_env(OneCar, CARS, seed=0), n_steps=SB3_STEPS // CARS,
+        batch_size=MINIBATCH, n_epochs=EPOCHS, ent_coef=0.001, gamma=0.999, policy_kwargs=policy,
+        device="cpu", seed=0,
+    )  # fmt: skip
+    learner.learn(SB3_STEPS // 4)
+    started = perf_counter()
+    learner.learn(SB3_STEPS)
+    return 1000 * (perf_counter() - started) / SB3_STEPS
+
+
+def convolutions(pool: int) -> list[nn.Module]:
+    """Return the paper's three convolutions and the dense layer, for a pooled image."""
+    height, width = 120 // pool, 160 // pool
+    for kernel, stride in ((8, 4), (4, 2), (3, 1)):
+        height, width = (height - kernel) // stride + 1, (width - kernel) // stride + 1
+    return [
+        nn.Conv2d(1, 32, 8, 4), nn.ReLU(), nn.Conv2d(32, 64, 4, 2), nn.ReLU(),
+        nn.Conv2d(64, 64, 3, 1), nn.ReLU(), nn.Flatten(), nn.Linear(64 * height * width, 512),
+        nn.ReLU(),
+    ]  # fmt: skip
+
+
+def repaint(pool: int) -> float:
+    """Train two iterations with repaint; return ms per step."""
+    from repaint_cli.evaluate import spaces_of
+    from repaint_cli.learn.trainer import Learner, train
+    from repaint_cli.nets import ActorCritic
+
+    card = read_task("racer-inner").with_settings([f"net.pool={pool}"])
+    learner = Learner.fresh(ActorCritic(spaces_of(card), card.net, 1), [0], 3e-4)
+    iterations = train(card, learner, None)
+    next(iterations)
+    before, started = learner.env_steps.sum(), perf_counter()
+    next(iterations), next(iterations)
+    return 1000 * (perf_counter() - started) / (learner.env_steps.sum() - before)
+
+
+def bound(pool: int) -> float:
+    """Return the ms per step of bare arithmetic and bare simulation."""
+    epoch = _seconds(pool, backward=True) / MINIBATCH
+    look = _seconds(pool, backward=False) / MINIBATCH
+    return 1000 * (2 * EPOCHS * epoch + 2 * look + simulation())
+
+
+def _seconds(pool: int, *, backward: bool, times: int = 12) -> float:
+    """Return the median time of one network's pass over a minibatch."""
+    layers = nn.Sequential(*convolutions(pool), nn.Linear(512, 10))
+    layers = layers.to(memory_format=torch.channels_last)
+    images = torch.rand(MINIBATCH, 1, 120 // pool, 160 // pool)
+    taken = []
+    for _ in range(times):
+        started = perf_counter()
+        with torch.set_grad_enabled(backward):
+            out = layers(images)
+            if backward:
+                layers.zero_grad()
+                out.sum().backward()
+        taken.append(perf_counter() - started)
+    return float(np.median(taken[2:]))
+
+
+def simulation(steps: int = 60) -> float:
+    """Return the seconds per step of 20 cars driven at random."""
+    env = read_task("racer-inner").make_env(CARS)
+    rng = np.random.default_rng(0)
+    env.reset(seed=0)
+    env.step(rng.integers(10, size=CARS))
+    started = perf_counter()
+    for _ in range(steps):
+        env.step(rng.integers(10, size=CARS))
+    return (perf_counter() - started) / (steps * CARS)
+
+
+def main() -> None:
+    """Measure both sizes and print a table each."""
+    chosen = arguments(__doc__)
+    sides = {"sb3": sb3, "repaint": repaint, "bound": bound}
+    named = {f"pool {p}: {side}": partial(f, p) for p in POOLS for side, f in sides.items()}
+    if chosen.side:
+        return answer(chosen.side, named)
+    found = in_turns(__file__, list(named), chosen.rounds)
+    rows = []
+    for p in POOLS:
+        slow, ours, least = (found[f"pool {p}: {side}"] for side in sides)
+        faster, above = span(slow / ours, ".2f"), span(ours / least, ".2f")
+        times = (f"{np.median(one):.2f}" for one in (slow, ours, least))
+        rows.append((f"net.pool {p}", *times, faster, above))
+    columns = ("sb3, ms/step", "repaint", "bound", "sb3 : repaint", "repaint : bound")
+    note = f"{chosen.rounds} rounds: medians, and of the ratios median [range]"
+    show("Camera racer", columns, rows, note)
+
+
+if __name__ == "__main__":
+    main()
