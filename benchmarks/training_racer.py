@@ -36,8 +36,7 @@ class OneCar(gymnasium.Env[np.ndarray, np.int64]):
 
     def reset(self, *, seed: int | None = None, options: Any = None) -> tuple[np.ndarray, Any]:
         """Start a new episode."""
-        obs, info = self._cars.reset(seed=seed)
-        return obs[0], {}
+        return self._cars.reset(seed=seed)[0][0], {}
 
     def step(self, action: np.int64) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
         """Drive for a step."""

@@ -4,8 +4,12 @@ from collections.abc import Callable, Mapping
 from operator import getitem
 from typing import Any
 
+import numpy as np
 import torch
 from torch import Tensor
+
+BLOCK = 256
+"""Observations for which a store makes room at a time."""
 
 
 def each(change: Callable[..., Any], obs: Any, *args: Any) -> Any:
@@ -20,11 +24,39 @@ def parts(obs: Any) -> list[Any]:
     return list(obs.values()) if isinstance(obs, Mapping) else [obs]
 
 
-def joined(pieces: list[Any], join: Callable[..., Tensor] = torch.cat) -> Any:
-    """Return observations in pieces as one."""
-    if isinstance(pieces[0], Mapping):
-        return {name: join([piece[name] for piece in pieces]) for name in pieces[0]}
-    return join(pieces)
+def stacked(rows: list[Any]) -> Any:
+    """Return each seed's observations (B, *O) as one, (S, B, *O)."""
+    if isinstance(rows[0], Mapping):
+        return {name: torch.stack([row[name] for row in rows]) for name in rows[0]}
+    return torch.stack(rows)
+
+
+class Store:
+    """One seed's observations in one array that grows where it lies, so that none is there twice.
+
+    Images are uint8, all else float32.
+    """
+
+    def __init__(self, like: np.ndarray) -> None:
+        """Make room for observations such as like[0, 0]."""
+        self._array = np.empty((0, *like.shape[2:]), np.uint8 if like.dtype == np.uint8 else "f4")
+        self._size = 0
+
+    def append(self, obs: np.ndarray) -> None:
+        """Add observations (K, *O)."""
+        size = self._size + len(obs)
+        if size > len(self._array):
+            self._resize(size + BLOCK)
+        self._array[self._size : size] = obs
+        self._size = size
+
+    def tensor(self) -> Tensor:
+        """Return all of them, (M, *O); nothing can be added any more."""
+        self._resize(self._size)
+        return torch.from_numpy(self._array)
+
+    def _resize(self, length: int) -> None:
+        self._array.resize((length, *self._array.shape[1:]), refcheck=False)
 
 
 class Frames:
@@ -54,7 +86,7 @@ class Frames:
         if self._stacked is not None:
             return self._stacked[self._seeds, rows]
         taken = [each(getitem, *own) for own in zip(self.stores, rows, strict=True)]
-        return joined(taken, torch.stack)
+        return stacked(taken)
 
 
 def _pad(store: Tensor, length: int) -> Tensor:

@@ -13,7 +13,7 @@ from torch import Tensor
 from repaint_cli.distributions import Distribution
 from repaint_cli.envs.terms import RewardTerms
 from repaint_cli.errors import DivergedError
-from repaint_cli.learn.frames import Frames, each, joined, parts
+from repaint_cli.learn.frames import Frames, Store, each, parts
 from repaint_cli.learn.seeding import Purpose, env_seeds
 from repaint_cli.tasks import TaskCard
 
@@ -216,7 +216,7 @@ class _Tape:
 
     def __init__(self, shape: tuple[int, int], record: Sequence[str]) -> None:
         self.shape = shape
-        self.seen: list[list[Any]] = [[] for _ in range(shape[0])]
+        self.seen: list[Any] = []
         self.sizes = np.zeros(shape[0], int)
         self.index: list[np.ndarray] = []
         self.valid: list[np.ndarray] = []
@@ -228,8 +228,11 @@ class _Tape:
         """Store the observations (S, N, *O) where keep (S, N), and where they went."""
         self.index.append(np.where(keep, self.sizes[:, None] + keep.cumsum(1) - 1, 0))
         self.sizes += keep.sum(1)
+        if not self.seen:
+            self.seen = [each(Store, obs) for _ in keep]
         for s, mask in enumerate(keep):
-            self.seen[s].append(each(_tensor, obs, (s, mask)))
+            for store, part in zip(parts(self.seen[s]), parts(obs), strict=True):
+                store.append(part[s, mask])
 
     def act(self, valid: np.ndarray, *step: Any) -> None:
         """Store a step and its info."""
@@ -242,16 +245,13 @@ class _Tape:
             rows.append(told.reshape(*self.shape, *told.shape[1:]))
 
     def rollout(self) -> Rollout:
-        """Stack what was stored, without keeping a second copy of the images."""
-        stores = []
-        for s in range(self.shape[0]):
-            stores.append(joined(self.seen[s]))
-            self.seen[s].clear()
+        """Stack what was stored."""
         actions, log_probs, rewards, terminated, truncated = map(
             np.stack, zip(*self.steps, strict=True)
         )
+        frames = Frames([each(Store.tensor, seen) for seen in self.seen])
         return Rollout(
-            Frames(stores), np.stack(self.index), actions, log_probs, np.stack(self.terms), rewards,
+            frames, np.stack(self.index), actions, log_probs, np.stack(self.terms), rewards,
             terminated, truncated, np.stack(self.valid),
             {name: np.stack(rows) for name, rows in self.records.items()},
         )  # fmt: skip
