@@ -4,7 +4,11 @@ A default here is the tested one; a task's card says only what differs. Names ar
 standard terms, the paper's symbol stands in each sentence.
 """
 
+import ast
+import inspect
+import textwrap
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field, PositiveInt, field_validator, model_validator
@@ -13,9 +17,19 @@ from pydantic import BaseModel, ConfigDict, Field, PositiveInt, field_validator,
 class Settings(BaseModel):
     """A frozen record that refuses unknown keys and numbers that are not finite."""
 
-    model_config = ConfigDict(
-        frozen=True, extra="forbid", use_attribute_docstrings=True, allow_inf_nan=False
-    )
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, defer_build=True)
+
+    @classmethod
+    def sentences(cls) -> dict[str, str]:
+        """Return what stands under each field, from the source: at every import would be slow."""
+        (body,) = ast.parse(textwrap.dedent(inspect.getsource(cls))).body
+        assert isinstance(body, ast.ClassDef)
+        return {
+            field.target.id: inspect.cleandoc(str(text.value.value))
+            for field, text in pairwise(body.body)
+            if isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name)
+            and isinstance(text, ast.Expr) and isinstance(text.value, ast.Constant)
+        }  # fmt: skip
 
 
 class PPOConfig(Settings):
@@ -163,47 +177,3 @@ class EvalConfig(Settings):
     """Fraction of pixels that turn black or white."""
     shift: int = Field(1, ge=0, le=99)
     """An image moves by up to so many pixels along each axis."""
-
-
-@dataclass(frozen=True)
-class Method:
-    """A row of the table of methods: which parts of REPAINT are switched on."""
-
-    summary: str
-    warm_start: bool = False
-    kickstart: bool = False
-    instance: bool = False
-    joint: bool = False
-
-    @property
-    def needs_teacher(self) -> bool:
-        """Whether the method uses a teacher at all."""
-        return self.warm_start or self.kickstart or self.instance
-
-    @property
-    def alternates(self) -> bool:
-        """Whether representation and instance iterations take turns."""
-        return self.instance and not self.joint
-
-    def apply(self, transfer: TransferConfig) -> TransferConfig:
-        """Switch off what this method leaves out; what remains is all the trainer sees."""
-        off: dict[str, float | bool] = {"joint": self.joint}
-        if not self.kickstart:
-            off["kickstart_coef"] = 0.0
-        if not self.instance:
-            off["instance"] = 0
-        if not (self.kickstart or self.instance):
-            off["alpha_1"] = 1.0
-        return transfer.model_copy(update=off)
-
-
-METHODS = {
-    "scratch": Method("clipped PPO, no teacher"),
-    "warm-start": Method("PPO from the teacher's weights", warm_start=True),
-    "kickstart": Method("representation transfer alone", kickstart=True),
-    "instance": Method("instance transfer alternating with PPO", instance=True),
-    "repaint": Method("both, alternating (algorithm 2)", kickstart=True, instance=True),
-    "repaint-joint": Method(
-        "both in one update (algorithm 1)", kickstart=True, instance=True, joint=True
-    ),
-}

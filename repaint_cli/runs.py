@@ -10,12 +10,13 @@ from time import perf_counter
 from typing import Any
 
 from repaint_cli import checkpoint, zoo
-from repaint_cli.config import METHODS, TransferConfig
+from repaint_cli.config import TransferConfig
 from repaint_cli.errors import CheckpointError, StoreError, TeacherMismatch, telling_where
 from repaint_cli.evaluate import evaluate, spaces_of
 from repaint_cli.files import sha256, write_text
 from repaint_cli.learn.seeding import Purpose
 from repaint_cli.learn.trainer import Learner, train
+from repaint_cli.methods import METHODS
 from repaint_cli.metrics import COLUMNS, Report, append_csv
 from repaint_cli.nets import ActorCritic
 from repaint_cli.report.statistics import mean_ci

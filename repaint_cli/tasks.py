@@ -46,15 +46,15 @@ class TaskCard(Settings):
     """Weights w by the names of the terms φ, in multiples of the environment's own coefficients."""
     reward_code: RewardCode | None = None
     """In place of weighed terms: a function of the racer's `params`, the one term "function"."""
-    net: NetConfig = NetConfig()
+    net: NetConfig = Field(default_factory=NetConfig)
     """The networks."""
-    ppo: PPOConfig = PPOConfig()
+    ppo: PPOConfig = Field(default_factory=PPOConfig)
     """Training."""
-    transfer: TransferConfig = TransferConfig()
+    transfer: TransferConfig = Field(default_factory=TransferConfig)
     """The teacher's part."""
-    select: SelectConfig = SelectConfig()
+    select: SelectConfig = Field(default_factory=SelectConfig)
     """Experience selection."""
-    eval: EvalConfig = EvalConfig()
+    eval: EvalConfig = Field(default_factory=EvalConfig)
     """Evaluation."""
 
     @field_validator("reward")

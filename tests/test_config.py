@@ -6,7 +6,8 @@ import pytest
 from pydantic import ValidationError
 
 from repaint_cli import config
-from repaint_cli.config import METHODS, PPOConfig, SelectConfig, Settings, TransferConfig
+from repaint_cli.config import PPOConfig, SelectConfig, Settings, TransferConfig
+from repaint_cli.methods import METHODS
 from repaint_cli.simulators import GymEnv, RacerEnv
 from repaint_cli.tasks import TaskCard
 from repaint_cli.zoo import Score, TeacherCard
@@ -18,8 +19,9 @@ RECORDS += [GymEnv, RacerEnv, TaskCard, Score, TeacherCard]
 
 @pytest.mark.parametrize("record", RECORDS)
 def test_every_field_says_what_it_means(record):
-    for name, field in record.model_fields.items():
-        assert (field.description or "").endswith("."), f"{record.__name__}.{name}"
+    sentences = record.sentences()
+    for name in record.model_fields:
+        assert sentences.get(name, "").endswith("."), f"{record.__name__}.{name}"
 
 
 @pytest.mark.parametrize("record", RECORDS)

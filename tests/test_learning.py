@@ -6,9 +6,10 @@ from tiny_learners import learner_of, with_transfer
 from tiny_tasks import reach
 
 from repaint_cli import checkpoint
-from repaint_cli.config import METHODS, TransferConfig
+from repaint_cli.config import TransferConfig
 from repaint_cli.evaluate import evaluate
 from repaint_cli.learn.trainer import train
+from repaint_cli.methods import METHODS
 from repaint_cli.nets import ActorCritic
 
 SEEDS = list(range(8))

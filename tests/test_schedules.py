@@ -1,7 +1,8 @@
 import pytest
 
-from repaint_cli.config import METHODS, TransferConfig
+from repaint_cli.config import TransferConfig
 from repaint_cli.learn.schedules import kickstart_coef, phase
+from repaint_cli.methods import METHODS
 
 LETTERS = {"ppo": "p", "representation": "R", "instance": "I", "joint": "J"}
 

@@ -7,12 +7,13 @@ from tiny_learners import learner_of, spaces_of, stranger, trained, transferring
 from tiny_tasks import guess, reach
 from torch.testing import assert_close
 
-from repaint_cli.config import METHODS, TransferConfig
+from repaint_cli.config import TransferConfig
 from repaint_cli.errors import CardError, DivergedError
 from repaint_cli.learn import trainer, update
 from repaint_cli.learn.advantages import describe, to_samples
 from repaint_cli.learn.selection import moments
 from repaint_cli.learn.trainer import soften, train, transfer_instances
+from repaint_cli.methods import METHODS
 from repaint_cli.nets import ActorCritic
 
 TASKS = pytest.mark.parametrize("make", [reach, guess])

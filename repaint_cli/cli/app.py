@@ -1,11 +1,10 @@
 """`repaint`: the commands, and the one place where an error becomes a line and an exit code."""
 
+import os
 import sys
 from typing import Annotated
 
 import typer
-from rich.console import Console
-from rich.markup import escape
 from typer.exceptions import Abort, TyperException
 
 from repaint_cli import __version__
@@ -21,13 +20,14 @@ from repaint_cli.errors import RepaintError
 app = typer.Typer(
     no_args_is_help=True,
     pretty_exceptions_enable=False,
+    rich_markup_mode=None,  # its boxes take longer to import than everything else
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-app.command("train-teacher")(train_teacher)
-app.command("transfer")(transfer)
-app.command("eval")(evaluate)
-app.command("similarity")(similarity)
-app.command("compare")(compare)
+app.command("train-teacher", short_help="Train a teacher and put it into the zoo.")(train_teacher)
+app.command("transfer", short_help="Let a teacher help with a new task.")(transfer)
+app.command("eval", short_help="Play a policy, say how it did, film it.")(evaluate)
+app.command("similarity", short_help="Say how tasks relate to each other.")(similarity)
+app.command("compare", short_help="Draw runs on one task side by side.")(compare)
 app.add_typer(tasks, name="tasks")
 app.add_typer(zoo, name="zoo")
 
@@ -53,6 +53,7 @@ def about(
 
 def main() -> None:
     """Run a command; turn what the program can explain into one line on stderr and an exit code."""
+    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "1")  # looking for some takes a while
     words = [word for word in sys.argv[1:] if word != DEBUG]
     try:
         sys.exit(app(words or ["--help"], standalone_mode=False))
@@ -71,4 +72,7 @@ def main() -> None:
 
 
 def _complain(message: str) -> None:
+    from rich.console import Console
+    from rich.markup import escape
+
     Console(stderr=True, soft_wrap=True).print(f"[red]error:[/red] {escape(message)}")

@@ -1,13 +1,15 @@
 """Options that several commands share, and how they change a card."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from repaint_cli.config import METHODS
 from repaint_cli.errors import CardError, NotFound
-from repaint_cli.tasks import TaskCard
+from repaint_cli.methods import METHODS
+
+if TYPE_CHECKING:
+    from repaint_cli.tasks import TaskCard
 
 Task = Annotated[
     str, typer.Option(help="A task's name (repaint tasks list) or a card of your own.")
@@ -37,10 +39,10 @@ TensorBoard = Annotated[
 
 
 def customize(
-    task: TaskCard,
+    task: "TaskCard",
     settings: list[str] | None,
     **options: object,
-) -> TaskCard:
+) -> "TaskCard":
     """Return the card with --set and named options applied; an option of None changes nothing.
 
     Args:

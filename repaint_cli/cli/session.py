@@ -5,10 +5,10 @@ from pathlib import Path
 
 from repaint_cli import zoo
 from repaint_cli.cli.screen import Screen, out
-from repaint_cli.config import METHODS
 from repaint_cli.errors import NotFound, StoreError
 from repaint_cli.files import check_writable
 from repaint_cli.history import read_run
+from repaint_cli.methods import METHODS
 from repaint_cli.paths import user_zoo
 from repaint_cli.report.events import Events, require_tensorboard
 from repaint_cli.report.pictures import draw_run

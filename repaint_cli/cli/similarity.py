@@ -43,12 +43,13 @@ def similarity(
 
 def _card(name: str) -> "TaskCard":
     """Read a task's card, or the card inside a teacher."""
-    from repaint_cli import zoo
     from repaint_cli.cards import read_task, shipped_tasks
-    from repaint_cli.errors import CardError, NotFound
 
     if name.endswith(".toml") or name in shipped_tasks():
         return read_task(name)
+    from repaint_cli import zoo
+    from repaint_cli.errors import CardError, NotFound
+
     teachers = zoo.teachers()
     if name in teachers or name.endswith(".safetensors"):
         card = zoo.read_card(zoo.find(name)).task

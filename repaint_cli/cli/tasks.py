@@ -3,14 +3,12 @@
 import json
 import re
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from repaint_cli.cards import read_task, shipped_tasks
-from repaint_cli.errors import StoreError
-from repaint_cli.files import write_text
-from repaint_cli.tasks import TaskCard
+if TYPE_CHECKING:
+    from repaint_cli.tasks import TaskCard
 
 tasks = typer.Typer(no_args_is_help=True, help="List, show, copy and check task cards.")
 Name = Annotated[str, typer.Argument(help="A task's name, or a card of your own.")]
@@ -19,6 +17,8 @@ Name = Annotated[str, typer.Argument(help="A task's name, or a card of your own.
 @tasks.command("list")
 def list_tasks() -> None:
     """List the shipped tasks."""
+    from repaint_cli.cards import read_task, shipped_tasks
+
     width = max(len(name) for name in shipped_tasks())
     for name in shipped_tasks():
         print(f"{name:{width}}  {read_task(name).summary}")
@@ -30,19 +30,19 @@ def show(name: Name) -> None:
     from rich.console import Console
     from rich.markup import escape
 
+    from repaint_cli.cards import read_task
+
     card, out = read_task(name), Console()
     out.print(f"[bold]{card.name}[/bold]: {escape(card.summary)}")
     for section, settings in card.model_dump().items():
         if not isinstance(settings, dict):
             continue
         out.print(f"\n[bold]{escape(f'[{section}]')}[/bold]")
-        fields = type(getattr(card, section)).model_fields if section != "reward" else {}
+        meaning = type(getattr(card, section)).sentences() if section != "reward" else {}
         for key, value in settings.items():
             out.print(f"{key} = [cyan]{escape(str(value))}[/cyan]", highlight=False)
-            if key in fields:
-                out.print(
-                    f"    [dim]{escape(fields[key].description or '')}[/dim]", highlight=False
-                )
+            if key in meaning:
+                out.print(f"    [dim]{escape(meaning[key])}[/dim]", highlight=False)
 
 
 @tasks.command()
@@ -50,6 +50,10 @@ def copy(
     name: Name, file: Annotated[Path, typer.Argument(help="The new card, such as my-task.toml.")]
 ) -> None:
     """Copy a task's card, whole, to a file of your own to edit."""
+    from repaint_cli.cards import read_task
+    from repaint_cli.errors import StoreError
+    from repaint_cli.files import write_text
+
     card = read_task(name)
     if file.suffix != ".toml":
         raise StoreError(f"expected a file that ends in .toml, found '{file}'")
@@ -66,6 +70,7 @@ def check(
     ],
 ) -> None:
     """Check a card, by one random step in its environment, or a track, and draw the track."""
+    from repaint_cli.cards import read_task
     from repaint_cli.evaluate import try_out
 
     if name.endswith(".npy"):
@@ -96,7 +101,7 @@ def check_track(file: str) -> None:
     print(f"wrote {picture}\nnext: repaint train-teacher --task racer-inner --set env.track={file}")
 
 
-def to_toml(card: TaskCard) -> str:
+def to_toml(card: "TaskCard") -> str:
     """Write a card as TOML; settings that are absent stay absent."""
     data = card.model_dump(exclude_none=True, exclude={"name"})
     top = [f"{key} = {_value(value)}" for key, value in data.items() if not isinstance(value, dict)]

@@ -5,7 +5,7 @@ from typing import Annotated
 import typer
 
 from repaint_cli.cli import options
-from repaint_cli.config import METHODS
+from repaint_cli.methods import METHODS
 
 METHOD_HELP = "; ".join(f"{name}: {method.summary}" for name, method in METHODS.items()) + "."
 

@@ -7,7 +7,6 @@ import typer
 
 from repaint_cli.errors import CheckpointError
 from repaint_cli.paths import user_zoo
-from repaint_cli.zoo import find, read_card, teachers
 
 zoo = typer.Typer(no_args_is_help=True, help="List, show and verify teachers.")
 Name = Annotated[str, typer.Argument(help="A teacher's name or file.")]
@@ -20,6 +19,8 @@ def list_teachers(
     """List teachers: your own first, then the shipped ones."""
     from rich.console import Console
     from rich.table import Table
+
+    from repaint_cli.zoo import find, read_card, teachers
 
     table = Table("teacher", "task", "score [95 % CI]", "steps", "whose", box=None)
     chosen = _fitting(fits) if fits else list(teachers())
@@ -49,6 +50,8 @@ def _fitting(task: str) -> list[str]:
 @zoo.command()
 def show(name: Name) -> None:
     """Show a teacher's card."""
+    from repaint_cli.zoo import find, read_card
+
     print(json.dumps(read_card(find(name)).model_dump(mode="json"), indent=2))
 
 
@@ -57,7 +60,7 @@ def verify(
     name: Annotated[str | None, typer.Argument(help="A teacher's name or file; none: all.")] = None,
 ) -> None:
     """Check teachers: whole file, finite weights, a sound card, leaves of the right shapes."""
-    from repaint_cli.zoo import load_teacher
+    from repaint_cli.zoo import find, load_teacher, teachers
 
     names = [name] if name else list(teachers())
     bad = []

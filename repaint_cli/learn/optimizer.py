@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import torch
 from torch import Tensor
+from torch.optim.adam import adam
 
 from repaint_cli.nets import ActorCritic
 
@@ -21,30 +22,29 @@ class RowAdam:
 
     def __init__(self, student: ActorCritic, learning_rate: float) -> None:
         cut, n_seeds = student.n_policy, student.n_seeds
-        self.first, self.second = (
-            torch.zeros_like(student.storage),
-            torch.zeros_like(student.storage),
-        )
+        self.first, self.second = (torch.zeros_like(student.storage) for _ in range(2))
         self.steps = torch.zeros(2, n_seeds)
-        places = [
-            (s, half) for half in (slice(None, cut), slice(cut, None)) for s in range(n_seeds)
+        flat = (student.storage, student.gradients, self.first, self.second)
+        self._rows = [
+            (*(buffer[s, half] for buffer in flat), self.steps[row, s])
+            for row, half in enumerate((slice(None, cut), slice(cut, None)))
+            for s in range(n_seeds)
         ]
-        self._rows = [torch.nn.Parameter(student.storage[place]) for place in places]
-        self._gradients = [student.gradients[place] for place in places]
-        self._adam = torch.optim.Adam(self._rows, learning_rate, eps=EPSILON, fused=True)
-        for row, place, step in zip(self._rows, places, self.steps.view(-1), strict=True):
-            self._adam.state[row] = {
-                "step": step, "exp_avg": self.first[place], "exp_avg_sq": self.second[place]
-            }  # fmt: skip
         self.learning_rate = learning_rate
 
     def step(self, policies: Sequence[bool], critics: Sequence[bool], scale: float = 1.0) -> None:
         """Move the named policies and critics, (S,) each, at `scale` times the learning rate."""
-        self._adam.param_groups[0]["lr"] = self.learning_rate * scale
         moving = [*policies, *critics]
-        for row, gradient, moves in zip(self._rows, self._gradients, moving, strict=True):
-            row.grad = gradient if moves else None
-        self._adam.step()
+        rows = [row for row, moves in zip(self._rows, moving, strict=True) if moves]
+        if not rows:
+            return
+        parameters, gradients, first, second, steps = map(list, zip(*rows, strict=True))
+        with torch.no_grad():  # torch.optim.Adam's own arithmetic; the class imports a compiler
+            adam(
+                parameters, gradients, first, second, [], steps, fused=True, amsgrad=False,
+                beta1=0.9, beta2=0.999, lr=self.learning_rate * scale, weight_decay=0.0,
+                eps=EPSILON, maximize=False,
+            )  # fmt: skip
 
     def state(self) -> dict[str, Tensor]:
         """Return the moments, (S, P) each, and how many steps policies and critics took, (2, S)."""

@@ -1,0 +1,87 @@
+"""How long a user waits before anything happens: help, similarity, a first iteration, imports.
+
+    python benchmarks/startup.py
+
+Whole processes. "Cold" is the first time ever: numba compiles and keeps what it compiled; "warm" is
+every later time. What compiling costs is cold less warm.
+"""
+
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from time import perf_counter
+
+from turns import answer, arguments, in_turns, show, span
+
+REFERENCE = "python -c 'import typer, rich'"
+QUICK = ("repaint --help", "repaint similarity racer-inner racer-outer", "repaint tasks list")
+FIRST = {
+    "reacher": "reacher --eval-episodes 1",
+    "racer-inner": "racer-inner --eval-episodes 1 --set ppo.n_episodes=2 --set ppo.n_epochs=1",
+    "racer-avoid": "racer-avoid --eval-episodes 1 --set ppo.n_episodes=2 --set ppo.n_epochs=1",
+}
+IMPORTS = ("repaint_cli.cli.app", "repaint_cli.tasks", "repaint_cli.nets", "repaint_cli.runs")
+
+
+def command(line: str) -> list[str]:
+    """Return a command of this environment as a process wants it."""
+    words = line.split()
+    return [str(Path(sys.executable).parent / words[0]), *words[1:]]
+
+
+def wait(words: list[str], **environment: str) -> float:
+    """Return the seconds a process takes."""
+    started = perf_counter()
+    subprocess.run(words, check=True, capture_output=True, env={**os.environ, **environment})
+    return perf_counter() - started
+
+
+def first_iteration(task: str, cold: bool) -> float:
+    """Return the seconds of a whole training of one iteration."""
+    line = f"repaint transfer --method scratch --iterations 1 --task {FIRST[task]}"
+    with tempfile.TemporaryDirectory() as folder:
+        words = [*command(line), "--run", f"{folder}/run"]
+        return wait(words, **({"NUMBA_CACHE_DIR": folder} if cold else {}))
+
+
+def sides() -> dict[str, Callable[[], float]]:
+    """Return what measures each side, by name."""
+    python = partial(wait, [sys.executable, "-c", "import typer, rich"])
+    named: dict[str, Callable[[], float]] = {REFERENCE: python}
+    named |= {line: partial(wait, command(line)) for line in QUICK}
+    for module in IMPORTS:
+        words = [sys.executable, "-c", f"import {module}"]
+        named[f"import {module}"] = partial(wait, words)
+    for task in FIRST:
+        for state in ("cold", "warm"):
+            named[f"{task}, {state}"] = partial(first_iteration, task, state == "cold")
+    return named
+
+
+def main() -> None:
+    """Measure and print two tables."""
+    chosen = arguments(__doc__)
+    if chosen.side:
+        return answer(chosen.side, sides())
+    found = in_turns(__file__, list(sides()), chosen.rounds)
+    reference = found[REFERENCE]
+    quick = [REFERENCE, *QUICK, *(f"import {module}" for module in IMPORTS)]
+    rows = [
+        (side, span(1000 * found[side], ".0f"), span(found[side] / reference, ".2f"))
+        for side in quick
+    ]
+    note = f"{chosen.rounds} rounds: median [range]"
+    show("Whole processes", ("ms", ": reference"), rows, note)
+    rows = []
+    for task in FIRST:
+        cold, warm = found[f"{task}, cold"], found[f"{task}, warm"]
+        rows.append((task, span(cold, ".1f"), span(warm, ".1f"), span(cold - warm, ".1f")))
+    show("One iteration of training", ("cold, s", "warm, s", "compiling, s"), rows, note)
+
+
+if __name__ == "__main__":
+    main()
