@@ -1,66 +1,115 @@
-"""Environment steps per second of the racer, alone and among bots, with one thread and with two.
+"""Environment steps per second: the racer, Reacher and Ant, beside Gymnasium's own and CarRacing.
 
     python benchmarks/simulators.py
 
-Everything at full size: 120 × 160 pixels an eye, 64 beams, four bots. The settings take turns, so
-that what slows the machine slows all of them; a ratio is of neighbours in time.
+The racer at full size (120 × 160 pixels an eye, 64 beams, four bots), with its pictures and
+without, on one thread and on two; MuJoCo tasks through EnvPool beside Gymnasium's own vector
+environment; CarRacing-v3, which draws 96 × 96 pixels. Actions are random. DeepRacer's own simulator
+does 8 to 10 steps a second.
 """
 
-import argparse
+from collections.abc import Callable
+from functools import partial
 from time import perf_counter
+from typing import Any
 
-import numpy as np
-from rich.console import Console
-from rich.table import Table
+from turns import answer, arguments, in_turns, median, show, span
 
-from repaint_cli.envs.racer import RacerVectorEnv
-from repaint_cli.simulators import load_track
-
-CARS = 64
-KINDS = {
+KINDS: dict[str, dict[str, Any]] = {
     "one car, one camera": {"track": "reinvent-like"},
     "four bots, two cameras, lidar": {"track": "wide-loop", "sensors": "stereo+lidar", "n_bots": 4},
 }
+SIZES = (1, 8, 64, 256)
+HOW = ("", ", two threads", ", no pictures")
+BACKENDS = ("envpool", "gymnasium")
+IDS = ("Reacher-v5", "Ant-v5")
+DEEPRACER = 10.0
+"""Steps per second of the real simulator, as people measure it."""
 
 
-def steps_per_second(kind: str, threads: int, steps: int) -> float:
-    """Drive 64 cars at random for some steps; return steps per second over all of them."""
-    settings = dict(KINDS[kind])
-    track = load_track(str(settings.pop("track")))
-    env = RacerVectorEnv(track, CARS, threads=threads, **settings)  # type: ignore[arg-type]
-    rng = np.random.default_rng(0)
+def steps_per_second(env: Any, seconds: float = 1.5) -> float:
+    """Act at random for some seconds; return steps per second over all copies."""
+    env.action_space.seed(0)
     env.reset(seed=0)
-    for _ in range(5):  # compiles, and warms the caches
-        env.step(rng.integers(10, size=CARS))
-    started = perf_counter()
-    for _ in range(steps):
-        env.step(rng.integers(10, size=CARS))
-    seconds = perf_counter() - started
-    env.close()
-    return CARS * steps / seconds
+    for _ in range(3):  # compiles, and warms the caches
+        env.step(env.action_space.sample())
+    steps, started = 0, perf_counter()
+    while perf_counter() - started < seconds:
+        env.step(env.action_space.sample())
+        steps += env.num_envs
+    return steps / (perf_counter() - started)
+
+
+def racer(kind: str, cars: int, threads: int, draws: bool) -> float:
+    """Measure the racer."""
+    from repaint_cli.envs.racer import RacerVectorEnv
+    from repaint_cli.simulators import load_track
+
+    settings = dict(KINDS[kind])
+    track = load_track(settings.pop("track"))
+    env = RacerVectorEnv(track, cars, threads=threads, **settings)
+    if not draws:
+        seen, _ = env.reset(seed=0)
+        seen = seen if isinstance(seen, dict) else {"camera": seen}
+        env._sensors.look = lambda *_: seen  # type: ignore[method-assign]
+    return steps_per_second(env)
+
+
+def mujoco(env_id: str, copies: int, backend: str) -> float:
+    """Measure a MuJoCo task, through EnvPool or through Gymnasium."""
+    from repaint_cli.envs.gym import make_gym
+
+    return steps_per_second(make_gym(env_id, copies, {}, backend))
+
+
+def car_racing() -> float:
+    """Measure Gymnasium's CarRacing-v3, one copy."""
+    import gymnasium
+
+    return steps_per_second(
+        gymnasium.make_vec("CarRacing-v3", num_envs=1, vectorization_mode="sync")
+    )
+
+
+def sides() -> dict[str, Callable[[], float]]:
+    """Return what measures each side, by name."""
+    named: dict[str, Callable[[], float]] = {}
+    for kind in KINDS:
+        for n in SIZES:
+            named[f"{kind}: {n}"] = partial(racer, kind, n, 1, True)
+        named[f"{kind}: 64{HOW[1]}"] = partial(racer, kind, 64, 2, True)
+        named[f"{kind}: 64{HOW[2]}"] = partial(racer, kind, 64, 1, False)
+    for env_id in IDS:
+        for n in SIZES[:-1]:
+            for backend in BACKENDS:
+                named[f"{env_id}: {n}, {backend}"] = partial(mujoco, env_id, n, backend)
+    return named | {"CarRacing-v3": car_racing}
 
 
 def main() -> None:
-    """Measure in rounds, and print medians and ranges."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--rounds", type=int, default=5)
-    parser.add_argument("--steps", type=int, default=150)
-    chosen = parser.parse_args()
-    found: dict[tuple[str, int], list[float]] = {(k, t): [] for k in KINDS for t in (1, 2)}
-    for _ in range(chosen.rounds):
-        for (kind, threads), rates in found.items():
-            rates.append(steps_per_second(kind, threads, chosen.steps))
-    table = Table("", "1 thread, steps/s", "2 threads, steps/s", "2 : 1", box=None)
+    """Measure in turns and print a table each."""
+    chosen = arguments(__doc__)
+    if chosen.side:
+        return answer(chosen.side, sides())
+    found = in_turns(__file__, sides(), chosen)
+    note, rows = f"{chosen.rounds} rounds: median [range]", []
+    for side, rates in found.items():
+        if not side.startswith(IDS):
+            beside = span(rates / found["CarRacing-v3"], ".1f")
+            rows.append((side, median(rates, ",.0f"), beside, median(rates / DEEPRACER, ",.0f")))
+    show(("cars", "steps/s", ": CarRacing", ": DeepRacer"), rows, note)
+    rows = []
     for kind in KINDS:
-        one, two = (np.array(found[kind, threads]) for threads in (1, 2))
-        table.add_row(kind, _span(one, ",.0f"), _span(two, ",.0f"), _span(two / one, ".2f"))
-    Console().print(table)
-    print(f"{CARS} cars, {chosen.rounds} rounds of {chosen.steps} steps: median [range]")
-
-
-def _span(numbers: np.ndarray, digits: str) -> str:
-    low, middle, high = (format(float(q), digits) for q in np.quantile(numbers, (0, 0.5, 1)))
-    return f"{middle} [{low}, {high}]"
+        one, two, blind = (found[f"{kind}: 64{how}"] for how in HOW)
+        rows.append((kind, span(two / one, ".2f"), span(1 - one / blind, ".0%")))
+    show(("64 cars", "two threads : one", "time for pictures"), rows, note)
+    rows = []
+    for env_id in IDS:
+        for n in SIZES[:-1]:
+            ours, theirs = (found[f"{env_id}: {n}, {backend}"] for backend in BACKENDS)
+            rates = (median(ours, ",.0f"), median(theirs, ",.0f"))
+            rows.append((f"{env_id}: {n}", *rates, span(ours / theirs, ".1f")))
+    show(("copies", *BACKENDS, "ratio"), rows, note)
 
 
 if __name__ == "__main__":

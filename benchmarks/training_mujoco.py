@@ -17,13 +17,13 @@ from os import cpu_count
 from time import perf_counter
 
 import numpy as np
-from turns import answer, arguments, in_turns, show, span
+from turns import answer, arguments, in_turns, median, show, span
 
 STEPS, EPOCHS, MINIBATCH = 2048, 10, 64
 ENV_IDS = {"reacher": "Reacher-v5", "ant": "Ant-v5"}
 SEEDS = {"reacher": (1, 5, 20), "ant": (1, 2, 8)}
 ITERATIONS = {"reacher": 4, "ant": 2}
-PLAIN = ", plain autograd"
+PLAIN = ", autograd"
 
 
 def sb3(task: str, n_envs: int) -> float:
@@ -117,12 +117,12 @@ def matrix_rate(size: int = 1024, times: int = 20) -> float:
 
 def sides(task: str) -> dict[str, "partial[float]"]:
     """Return what measures each side of a task, by name."""
-    named = {f"{task}: sb3, {n} env": partial(sb3, task, n) for n in (1, 8)}
+    named = {f"{task}, sb3, {n} env": partial(sb3, task, n) for n in (1, 8)}
     for n in SEEDS[task]:
         for compiled in (False, True):
-            name = f"{task}: repaint, {n} seeds{'' if compiled else PLAIN}"
+            name = f"{task}, S = {n}{'' if compiled else PLAIN}"
             named[name] = partial(repaint, task, n, compiled)
-    return named | {f"{task}: bound": partial(bound, task)}
+    return named | {f"{task}, bound": partial(bound, task)}
 
 
 def main() -> None:
@@ -131,16 +131,19 @@ def main() -> None:
     if chosen.side:
         return answer(chosen.side, {**sides("reacher"), **sides("ant")})
     for task in ENV_IDS:
-        found = in_turns(__file__, list(sides(task)), chosen.rounds)
-        best = np.maximum(found[f"{task}: sb3, 1 env"], found[f"{task}: sb3, 8 env"])
-        limit = found[f"{task}: bound"]
+        found = in_turns(__file__, sides(task), chosen)
+        best = np.maximum(found[f"{task}, sb3, 1 env"], found[f"{task}, sb3, 8 env"])
+        limit = found[f"{task}, bound"]
         rows = [
-            (side, span(rates, ",.0f"), span(rates / best, ".2f"), span(rates / limit, ".2f"))
+            (side, median(rates, ",.0f"), span(rates / best, ".2f"), median(rates / limit, ".0%"))
             for side, rates in found.items()
         ]
-        columns = ("steps/s", ": sb3's best", ": bound")
-        note = f"{chosen.rounds} rounds of {ITERATIONS[task]} iterations: median [range]"
-        show(ENV_IDS[task], columns, rows, note)
+        columns = ("training", "steps/s", ": sb3's best", ": bound")
+        show(
+            columns,
+            rows,
+            f"{chosen.rounds} rounds of {ITERATIONS[task]} iterations: median [range]",
+        )
 
 
 if __name__ == "__main__":

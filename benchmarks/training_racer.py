@@ -18,7 +18,7 @@ import gymnasium
 import numpy as np
 import torch
 from torch import nn
-from turns import answer, arguments, in_turns, show, span
+from turns import answer, arguments, in_turns, median, show, span
 
 from repaint_cli.cards import read_task
 
@@ -141,16 +141,15 @@ def main() -> None:
     named = {f"pool {p}: {side}": partial(f, p) for p in POOLS for side, f in sides.items()}
     if chosen.side:
         return answer(chosen.side, named)
-    found = in_turns(__file__, list(named), chosen.rounds)
+    found = in_turns(__file__, named, chosen)
     rows = []
     for p in POOLS:
         slow, ours, least = (found[f"pool {p}: {side}"] for side in sides)
         faster, above = span(slow / ours, ".2f"), span(ours / least, ".2f")
-        times = (f"{np.median(one):.2f}" for one in (slow, ours, least))
+        times = (median(one, ".2f") for one in (slow, ours, least))
         rows.append((f"net.pool {p}", *times, faster, above))
-    columns = ("sb3, ms/step", "repaint", "bound", "sb3 : repaint", "repaint : bound")
-    note = f"{chosen.rounds} rounds: medians, and of the ratios median [range]"
-    show("Camera racer", columns, rows, note)
+    columns = ("ms per step", "sb3", "repaint", "bound", "sb3 : repaint", "repaint : bound")
+    show(columns, rows, f"{chosen.rounds} rounds: median [range]")
 
 
 if __name__ == "__main__":

@@ -1,0 +1,108 @@
+"""What seeds, environments, longer rollouts and camera seeds cost: where each line bends.
+
+    python benchmarks/scaling.py
+
+Reacher with the paper's numbers, training only, and the camera racer with a policy that drives
+whole laps. The last column is a row's cost against the first row's: flat or falling is what one wants.
+"""
+
+import resource
+from collections.abc import Callable
+from functools import partial
+from itertools import islice
+from time import perf_counter
+
+import numpy as np
+from turns import answer, arguments, in_turns, median, show, span
+
+SEEDS = (1, 2, 5, 10, 20, 32)
+ENVS = (1, 4, 16, 64, 256)
+STEPS = (512, 1024, 2048, 4096, 8192, 16384)
+CAMERA_SEEDS = (1, 2, 5)
+
+
+def training(n_seeds: int = 1, n_steps: int = 2048, n_envs: int = 40) -> float:
+    """Return the ms per 1,000 steps of training, over all seeds."""
+    from repaint_cli.cards import read_task
+    from repaint_cli.evaluate import spaces_of
+    from repaint_cli.learn.trainer import Learner, train
+    from repaint_cli.nets import ActorCritic
+
+    settings = [f"ppo.n_steps={n_steps}", f"ppo.n_envs={n_envs}"]
+    card = read_task("reacher").with_settings(settings)
+    student = ActorCritic(spaces_of(card), card.net, n_seeds)
+    learner = Learner.fresh(student, list(range(n_seeds)), card.ppo.learning_rate)
+    iterations = train(card, learner, None)
+    next(iterations)
+    started, count = perf_counter(), 3
+    for _ in islice(iterations, count):
+        pass
+    return 1e6 * (perf_counter() - started) / (count * n_seeds * n_steps)
+
+
+def acting(n_envs: int, steps: int = 100) -> float:
+    """Return the ms per 1,000 steps of acting alone in N environments."""
+    from repaint_cli.cards import read_task
+    from repaint_cli.evaluate import spaces_of
+    from repaint_cli.learn.rollout import collect, start
+    from repaint_cli.learn.seeding import Purpose
+    from repaint_cli.nets import ActorCritic
+
+    card = read_task("reacher")
+    student = ActorCritic(spaces_of(card), card.net, 1)
+    student.initialize([np.random.default_rng(0)])
+    taken = []
+    for iteration in (1, 2):  # the first warms
+        env, obs = start(card, [0], n_envs, Purpose.TRAIN, iteration)
+        rngs, total = [np.random.default_rng(0)], steps * n_envs
+        started = perf_counter()
+        collect(env, obs, student.policy, rngs, n_steps=total)
+        taken.append(1e6 * (perf_counter() - started) / total)
+        env.close()
+    return taken[-1]
+
+
+def memory(n_seeds: int) -> float:
+    """Return the largest resident memory of camera training, MB: 20 laps a seed, one epoch."""
+    from repaint_cli import zoo
+    from repaint_cli.cards import read_task
+    from repaint_cli.learn.trainer import Learner, train
+
+    student, _ = zoo.load_teacher(zoo.find("racer-inner"), n_seeds)
+    weights = student.storage.clone()
+    card = read_task("racer-inner").with_settings(["ppo.n_epochs=1"])
+    learner = Learner.fresh(student, list(range(n_seeds)), card.ppo.learning_rate)
+    student.storage.copy_(weights)  # who drives whole laps sees some 7,000 images a seed
+    for _ in islice(train(card, learner, None), 2):
+        pass
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+
+
+def sides() -> dict[str, dict[str, Callable[[], float]]]:
+    """Return the tables, each with what measures its rows."""
+    return {
+        "training, ms per 1,000 steps": {f"S = {n}": partial(training, n) for n in SEEDS},
+        "training, ms per 1,000 steps, one seed": {
+            f"T = {n:,}": partial(training, 1, n, min(40, n // 51)) for n in STEPS
+        },
+        "acting, ms per 1,000 steps": {f"N = {n}": partial(acting, n) for n in ENVS},
+        "camera, MB": {f"S = {n}, camera": partial(memory, n) for n in CAMERA_SEEDS},
+    }
+
+
+def main() -> None:
+    """Measure and print a table per question."""
+    chosen, tables = arguments(__doc__), sides()
+    if chosen.side:
+        return answer(
+            chosen.side, {side: f for rows in tables.values() for side, f in rows.items()}
+        )
+    for title, measures in tables.items():
+        found = in_turns(__file__, measures, chosen)
+        first = next(iter(found.values()))
+        rows = [(side, median(n, ".0f"), span(n / first, ".2f")) for side, n in found.items()]
+        show((title, "", ": first"), rows, f"{chosen.rounds} rounds: median [range]")
+
+
+if __name__ == "__main__":
+    main()
