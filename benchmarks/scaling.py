@@ -3,7 +3,7 @@
     python benchmarks/scaling.py
 
 Reacher with the paper's numbers, training only, and the camera racer with a policy that drives
-whole laps. The last column is a row's cost against the first row's: flat or falling is what one wants.
+whole laps. The last column is a row's cost against the first row's: flat or falling is wanted.
 """
 
 import resource

@@ -9,7 +9,16 @@ from repaint_cli.paths import PACKAGE
 
 FLOORS = [
     {"repaint_cli", "errors", "paths", "config", "kernels"},
-    {"deepracer", "files", "envs", "distributions", "normalizer", "spaces", "report.statistics"},
+    {
+        "deepracer",
+        "files",
+        "envs",
+        "distributions",
+        "methods",
+        "normalizer",
+        "spaces",
+        "report.statistics",
+    },
     {"simulators"},
     {"tasks", "nets"},
     {"cards", "learn", "similarity", "reward_fit"},
