@@ -34,6 +34,8 @@ test-light:
 	$(LIGHT)/ruff check
 	$(LIGHT)/pytest
 
-# Side-by-side speed measurements; let nothing else run meanwhile.
+# Side-by-side speed measurements, an hour in all; let nothing else run meanwhile.
+BENCHMARKS := training_mujoco training_racer startup scaling simulators
 bench: $(STAMP)
-	$(BIN)/python benchmarks/simulators.py --rounds 15
+	$(BIN)/python -m pip install --quiet -c constraints.txt -e '.[bench]'
+	for name in $(BENCHMARKS); do $(BIN)/python benchmarks/$$name.py || exit 1; done

@@ -7,13 +7,13 @@ whole laps. The last column is a row's cost against the first row's: flat or fal
 """
 
 import resource
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import partial
 from itertools import islice
 from time import perf_counter
 
 import numpy as np
-from turns import answer, arguments, in_turns, median, show, span
+from turns import Measurements, Table, median, run, span
 
 SEEDS = (1, 2, 5, 10, 20, 32)
 ENVS = (1, 4, 16, 64, 256)
@@ -78,31 +78,26 @@ def memory(n_seeds: int) -> float:
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 
-def sides() -> dict[str, dict[str, Callable[[], float]]]:
-    """Return the tables, each with what measures its rows."""
-    return {
-        "training, ms per 1,000 steps": {f"S = {n}": partial(training, n) for n in SEEDS},
-        "training, ms per 1,000 steps, one seed": {
-            f"T = {n:,}": partial(training, 1, n, min(40, n // 51)) for n in STEPS
-        },
-        "acting, ms per 1,000 steps": {f"N = {n}": partial(acting, n) for n in ENVS},
-        "camera, MB": {f"S = {n}, camera": partial(memory, n) for n in CAMERA_SEEDS},
-    }
+QUESTIONS: dict[str, dict[str, Callable[[], float]]] = {
+    "training, ms per 1,000 steps": {f"S = {n}": partial(training, n) for n in SEEDS},
+    "one seed, 10 environments, ms per 1,000": {
+        f"T = {n:,}": partial(training, 1, n, 10) for n in STEPS
+    },
+    "acting, ms per 1,000 steps": {f"N = {n}": partial(acting, n) for n in ENVS},
+    "camera, MB": {f"S = {n}, camera": partial(memory, n) for n in CAMERA_SEEDS},
+}
+SIDES = {side: measure for rows in QUESTIONS.values() for side, measure in rows.items()}
 
 
-def main() -> None:
-    """Measure and print a table per question."""
-    chosen, tables = arguments(__doc__), sides()
-    if chosen.side:
-        return answer(
-            chosen.side, {side: f for rows in tables.values() for side, f in rows.items()}
-        )
-    for title, measures in tables.items():
-        found = in_turns(__file__, measures, chosen)
-        first = next(iter(found.values()))
-        rows = [(side, median(n, ".0f"), span(n / first, ".2f")) for side, n in found.items()]
-        show((title, "", ": first"), rows, f"{chosen.rounds} rounds: median [range]")
+def tables(found: Measurements) -> Iterator[Table]:
+    """Yield a table per question."""
+    for title, sides in QUESTIONS.items():
+        first = found[next(iter(sides))]
+        rows = [
+            (side, median(found[side], ".0f"), span(found[side] / first, ".2f")) for side in sides
+        ]
+        yield Table((title, "", ": first"), rows)
 
 
 if __name__ == "__main__":
-    main()
+    run(__file__, __doc__, SIDES, tables)

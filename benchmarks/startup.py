@@ -2,20 +2,20 @@
 
     python benchmarks/startup.py
 
-Whole processes. "Cold" is the first time ever: numba compiles and keeps what it compiled; "warm" is
-every later time. What compiling costs is cold less warm.
+Whole processes. "Cold" begins with numba's cache empty: it compiles and keeps what it compiled;
+"warm" is every later time. What compiling costs is cold less warm.
 """
 
 import os
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
 from time import perf_counter
 
-from turns import answer, arguments, in_turns, median, show, span
+from turns import Measurements, Table, median, run, span
 
 REFERENCE = "python -c 'import typer, rich'"
 QUICK = ("repaint --help", "repaint similarity racer-inner racer-outer", "repaint tasks list")
@@ -53,8 +53,11 @@ def first_iteration(task: str, cold: bool) -> float:
     """Return the seconds of a whole training of one iteration."""
     line = f"repaint transfer --method scratch --iterations 1 --task {FIRST[task]}"
     with tempfile.TemporaryDirectory() as folder:
-        words = [*command(line), "--run", f"{folder}/run"]
-        return wait(words, **({"NUMBA_CACHE_DIR": folder} if cold else {}))
+        first, second = ([*command(line), "--run", f"{folder}/{run}"] for run in (1, 2))
+        if cold:
+            return wait(first, NUMBA_CACHE_DIR=folder)
+        wait(first)  # so that the cache is there
+        return wait(second)
 
 
 def sides() -> dict[str, Callable[[], float]]:
@@ -74,24 +77,23 @@ def sides() -> dict[str, Callable[[], float]]:
     return named
 
 
-def main() -> None:
-    """Measure and print two tables."""
-    chosen = arguments(__doc__)
-    if chosen.side:
-        return answer(chosen.side, sides())
-    found = in_turns(__file__, sides(), chosen)
-    reference, note = found[REFERENCE], f"{chosen.rounds} rounds: median [range]"
+SIDES = sides()
+
+
+def tables(found: Measurements) -> Iterator[Table]:
+    """Yield whole processes beside the reference, then first iterations."""
     rows = []
     for side, seconds in found.items():
         if not side.endswith(("cold", "warm")):
-            rows.append((side, median(1000 * seconds, ".0f"), span(seconds / reference, ".2f")))
-    show(("a whole process", "ms", ": reference"), rows, f"{note}; the reference is the first row")
+            ratio = span(seconds / found[REFERENCE], ".2f")
+            rows.append((side, median(1000 * seconds, ".0f"), ratio))
+    yield Table(("a whole process", "ms", ": the first"), rows)
     rows = []
     for task in FIRST:
         cold, warm = found[f"{task}, cold"], found[f"{task}, warm"]
         rows.append((task, span(cold, ".1f"), span(warm, ".1f"), span(cold - warm, ".1f")))
-    show(("one iteration, s", "cold", "warm", "compiling"), rows, note)
+    yield Table(("one iteration, s", "cold", "warm", "compiling"), rows)
 
 
 if __name__ == "__main__":
-    main()
+    run(__file__, __doc__, SIDES, tables)

@@ -4,12 +4,13 @@
 
 One car, 120 × 160 pixels, two networks of three convolutions and 512 units each, the paper's 8
 epochs of minibatches of 64, at `net.pool` 2 and 1. Both sides drive the same simulator: repaint 20
-cars for an episode each, Stable-Baselines3 20 cars through the Gymnasium interface. The bound is
-what the arithmetic alone needs, bare convolutions in torch's fastest layout, and then the simulator
-alone. The first iteration is not counted.
+cars at once for an episode each, Stable-Baselines3 20 of one car, one after the other, through the
+Gymnasium interface. The bound is what the arithmetic alone needs, bare convolutions in torch's
+fastest layout, and then the simulator alone. The first iteration is not counted.
 """
 
 import warnings
+from collections.abc import Iterator
 from functools import partial
 from time import perf_counter
 from typing import Any
@@ -18,7 +19,7 @@ import gymnasium
 import numpy as np
 import torch
 from torch import nn
-from turns import answer, arguments, in_turns, median, show, span
+from turns import Measurements, Table, median, run, span
 
 from repaint_cli.cards import read_task
 
@@ -54,7 +55,8 @@ def sb3(pool: int) -> float:
     class Eyes(BaseFeaturesExtractor):
         def __init__(self, space: gymnasium.spaces.Box) -> None:
             super().__init__(space, 512)
-            self.layers = nn.Sequential(nn.AvgPool2d(pool), *convolutions(pool))
+            smaller = nn.AvgPool2d(pool) if pool > 1 else nn.Identity()
+            self.layers = nn.Sequential(smaller, *convolutions(pool))
 
         def forward(self, images: torch.Tensor) -> torch.Tensor:
             return self.layers(images)
@@ -134,23 +136,23 @@ def simulation(steps: int = 60) -> float:
     return (perf_counter() - started) / (steps * CARS)
 
 
-def main() -> None:
-    """Measure both sizes and print a table each."""
-    chosen = arguments(__doc__)
-    sides = {"sb3": sb3, "repaint": repaint, "bound": bound}
-    named = {f"pool {p}: {side}": partial(f, p) for p in POOLS for side, f in sides.items()}
-    if chosen.side:
-        return answer(chosen.side, named)
-    found = in_turns(__file__, named, chosen)
+HOW = {"sb3": sb3, "repaint": repaint, "bound": bound}
+SIDES = {f"pool {pool}: {side}": partial(f, pool) for pool in POOLS for side, f in HOW.items()}
+
+
+def tables(found: Measurements) -> Iterator[Table]:
+    """Yield a row per size of the picture."""
     rows = []
-    for p in POOLS:
-        slow, ours, least = (found[f"pool {p}: {side}"] for side in sides)
-        faster, above = span(slow / ours, ".2f"), span(ours / least, ".2f")
+    for pool in POOLS:
+        slow, ours, least = (found[f"pool {pool}: {side}"] for side in HOW)
         times = (median(one, ".2f") for one in (slow, ours, least))
-        rows.append((f"net.pool {p}", *times, faster, above))
-    columns = ("ms per step", "sb3", "repaint", "bound", "sb3 : repaint", "repaint : bound")
-    show(columns, rows, f"{chosen.rounds} rounds: median [range]")
+        rows.append(
+            (f"net.pool {pool}", *times, span(slow / ours, ".2f"), span(ours / least, ".2f"))
+        )
+    yield Table(
+        ("ms per step", "sb3", "repaint", "bound", "sb3 : repaint", "repaint : bound"), rows
+    )
 
 
 if __name__ == "__main__":
-    main()
+    run(__file__, __doc__, SIDES, tables)

@@ -9,48 +9,88 @@ import csv
 import json
 import subprocess
 import sys
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
+import rich.table
 from rich.console import Console
-from rich.table import Table
+
+RESULTS = Path(__file__).parent / "results"
 
 Measurements = dict[str, np.ndarray]
 """Each side's number in each round, (rounds,)."""
 
 
-def arguments(doc: str | None) -> argparse.Namespace:
-    """Read the command line; `--side` is for the process that measures one."""
+class Table(NamedTuple):
+    """What people read."""
+
+    columns: Sequence[str]
+    """What the columns are; the first names the rows."""
+    rows: Sequence[Sequence[str]]
+    """The cells."""
+
+
+def run(
+    script: str,
+    doc: str | None,
+    sides: Mapping[str, Callable[[], float]],
+    tables: Callable[[Measurements], Iterator[Table]],
+) -> None:
+    """Be a benchmark's command line: measure all sides in turns and print the tables.
+
+    With `--side` it measures one and prints its number; with `--keep` it writes what was measured
+    to benchmarks/results/, where the tables in docs/speed.md come from.
+    """
     parser = argparse.ArgumentParser(description=(doc or "").splitlines()[0])
     parser.add_argument("--rounds", type=int, default=5, help="how often each side is measured")
-    parser.add_argument("--csv", type=Path, help="where to add what was measured, a line a side")
+    parser.add_argument("--keep", action="store_true", help="write to benchmarks/results/")
     parser.add_argument("--side", help=argparse.SUPPRESS)
-    return parser.parse_args()
+    chosen = parser.parse_args()
+    if chosen.side:
+        print(json.dumps(sides[chosen.side]()))
+        return
+    found = in_turns(script, sides, chosen.rounds)
+    if chosen.keep:
+        keep(found, script)
+    for table in tables(found):
+        Console().print(drawn(table))
+        print()
+    print(f"{chosen.rounds} rounds: median, or median [range]")
 
 
-def in_turns(script: str, sides: Iterable[str], chosen: argparse.Namespace) -> Measurements:
+def in_turns(script: str, sides: Iterable[str], rounds: int) -> Measurements:
     """Let a script measure each side in turn, A B A B; return what `--side NAME` printed."""
     found: dict[str, list[float]] = {side: [] for side in sides}
-    for k in range(chosen.rounds):
+    for k in range(rounds):
         for side in found:
-            print(f"\rround {k + 1} of {chosen.rounds}: {side:50}", end="", file=sys.stderr)
+            print(f"\rround {k + 1} of {rounds}: {side:50}", end="", file=sys.stderr)
             command = [sys.executable, script, "--side", side]
             done = subprocess.run(command, capture_output=True, text=True, check=False)
             if done.returncode:
                 sys.exit(f"\n{side}:\n{done.stderr}")
             found[side].append(float(json.loads(done.stdout.splitlines()[-1])))
     print("\r" + " " * 72, end="\r", file=sys.stderr)
-    if chosen.csv:
-        with chosen.csv.open("a", newline="", encoding="utf-8") as file:
-            rows = ([side, *(f"{n:.6g}" for n in numbers)] for side, numbers in found.items())
-            csv.writer(file, lineterminator="\n").writerows(rows)
     return {side: np.array(numbers) for side, numbers in found.items()}
 
 
-def answer(side: str, measures: Mapping[str, Callable[[], float]]) -> None:
-    """Measure one side and print its number for `in_turns`."""
-    print(json.dumps(measures[side]()))
+def file_of(script: str) -> Path:
+    """Return where a benchmark's measurements are kept."""
+    return RESULTS / f"{Path(script).stem}.csv"
+
+
+def keep(found: Measurements, script: str) -> None:
+    """Write measurements, a line a side."""
+    with file_of(script).open("w", newline="", encoding="utf-8") as file:
+        rows = ([side, *(f"{n:.6g}" for n in numbers)] for side, numbers in found.items())
+        csv.writer(file, lineterminator="\n").writerows(rows)
+
+
+def kept(script: str) -> Measurements:
+    """Read what `keep` wrote."""
+    with file_of(script).open(newline="", encoding="utf-8") as file:
+        return {side: np.array(numbers, float) for side, *numbers in csv.reader(file)}
 
 
 def median(numbers: np.ndarray, digits: str) -> str:
@@ -64,12 +104,19 @@ def span(numbers: np.ndarray, digits: str) -> str:
     return f"{median(numbers, digits)} [{low}, {high}]"
 
 
-def show(columns: Sequence[str], rows: Iterable[Sequence[str]], note: str) -> None:
-    """Print a table whose first column names its rows, and what its numbers are."""
-    table = Table(columns[0], box=None)
-    for column in columns[1:]:
-        table.add_column(column, justify="right", no_wrap=True)
-    for row in rows:
-        table.add_row(*row)
-    Console().print(table)
-    print(note + "\n")
+def drawn(table: Table) -> rich.table.Table:
+    """Return a table as a terminal shows it."""
+    picture = rich.table.Table(table.columns[0], box=None)
+    for column in table.columns[1:]:
+        picture.add_column(column, justify="right", no_wrap=True)
+    for row in table.rows:
+        picture.add_row(*row)
+    return picture
+
+
+def markdown(table: Table) -> Iterator[str]:
+    """Yield a table's lines as Markdown has them."""
+    yield f"| {' | '.join(table.columns)} |"
+    yield "|---" + "|---:" * (len(table.columns) - 1) + "|"
+    for row in table.rows:
+        yield f"| {' | '.join(row)} |"

@@ -60,7 +60,8 @@ class PPOConfig(Settings):
     vf_coef: float = Field(0.5, gt=0)
     """Weight of the value loss."""
     compiled: bool = True
-    """Whether an `mlp` is updated with derivatives by hand; false runs the formulas as written."""
+    """Whether an `mlp` is updated with derivatives by hand, but for joint updates; false runs the
+    formulas as written."""
 
     @model_validator(mode="after")
     def _one_length(self) -> "PPOConfig":

@@ -1,6 +1,7 @@
 """The compiled update of dense networks against the plain one, which reads like the paper."""
 
 from dataclasses import replace
+from unittest.mock import patch
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from torch.testing import assert_close
 from repaint_cli.config import NetConfig, PPOConfig
 from repaint_cli.distributions import Categorical, Gaussian
 from repaint_cli.errors import DivergedError
+from repaint_cli.learn import by_hand, update
 from repaint_cli.learn.advantages import Samples
 from repaint_cli.learn.dense_kernels import tanh
 from repaint_cli.learn.frames import Frames
@@ -24,7 +26,7 @@ PLAIN = PPOConfig(
 )
 HAND = PLAIN.model_copy(update={"compiled": True})
 KINDS = pytest.mark.parametrize("discrete", [False, True], ids=["gaussian", "categorical"])
-NETS = pytest.mark.parametrize("hidden", [(8,), (16, 12), (8, 8, 8)], ids=str)
+NETS = pytest.mark.parametrize("hidden", [(), (8,), (16, 12), (8, 8, 8)], ids=str)
 
 
 def learner(discrete, hidden=(16, 12), n_seeds=3):
@@ -79,11 +81,17 @@ def rngs(n=3):
 def both(discrete, hidden, learn):
     """Learn twice, plain and by hand; return what each told and who learned."""
     told, learned = [], []
-    for ppo in (PLAIN, HAND):
+    for ppo, by_other_means in ((PLAIN, patch.object(by_hand, "learn")), (HAND, no_autograd())):
         student, optimizer = learner(discrete, hidden)
-        told.append(learn(student, optimizer, ppo))
+        with by_other_means as never:
+            told.append(learn(student, optimizer, ppo))
+        never.assert_not_called()
         learned.append((student, optimizer))
     return told, learned
+
+
+def no_autograd():
+    return patch.object(update, "_step")
 
 
 def assert_same(told, learned, atol=1e-5):
@@ -150,25 +158,55 @@ def test_instances_move_policies_alone_and_a_seed_without_any_stays(discrete):
 def test_updates_of_both_kinds_may_take_turns(discrete):
     """Adam's moments and counts are the same buffers for both."""
     batch, kept = samples(discrete, 40, 40, 40), samples(discrete, 20, 11, 16, seed=5)
-
-    def learn(student, optimizer, ppo):
+    told, learned = [], []
+    for ppo in (PLAIN, HAND):
+        student, optimizer = learner(discrete)
         learn_on_policy(student, optimizer, batch, ppo, rngs())
         learn_from_instances(student, optimizer, kept, PLAIN, rngs())
-        return learn_on_policy(student, optimizer, batch, ppo, rngs())
+        told.append(learn_on_policy(student, optimizer, batch, ppo, rngs()))
+        learned.append((student, optimizer))
+    assert_same(told, learned, atol=5e-5)
 
-    assert_same(*both(discrete, (16, 12), learn), atol=5e-5)
+
+def test_a_joint_update_is_the_plain_one():
+    batch, kept = samples(False, 20, 20, 20), samples(False, 5, 4, 3, seed=5)
+    with patch.object(by_hand, "learn") as never:
+        student, optimizer = learner(False)
+        learn_on_policy(student, optimizer, batch, HAND, rngs(), instances=kept)
+    never.assert_not_called()
+    assert optimizer.steps[0].tolist() == [6, 6, 6]
+
+
+@KINDS
+def test_without_a_teacher_beta_is_nothing(discrete):
+    batch = samples(discrete, 20, 20, 20)
+
+    def learn(student, optimizer, ppo):
+        return learn_on_policy(student, optimizer, batch, ppo, rngs(), beta=0.7)
+
+    assert_same(*both(discrete, (16, 12), learn))
+
+
+def test_a_minibatch_larger_than_the_samples_takes_no_more_room_than_they():
+    batch = samples(False, 20, 7, 3)
+
+    ended = []
+    for size in (20, 10**12):
+        student, optimizer = learner(False)
+        whole = HAND.model_copy(update={"minibatch_size": size})
+        learn_on_policy(student, optimizer, batch, whole, rngs())
+        ended.append(student.storage)
+    assert torch.equal(*ended)
 
 
 @KINDS
 def test_the_number_of_threads_changes_nothing(discrete):
     batch, ended = samples(discrete, 40, 30, 20), []
-    before = torch.get_num_threads()
     for threads in (1, 2):
-        torch.set_num_threads(threads)
-        student, optimizer = learner(discrete)
-        learn_on_policy(student, optimizer, batch, HAND, rngs())
-        ended.append(student.storage)
-    torch.set_num_threads(before)
+        with patch.object(torch, "get_num_threads", return_value=threads):
+            student, optimizer = learner(discrete)
+            learn_on_policy(student, optimizer, batch, HAND, rngs())
+            ended.append(student.storage)
     assert torch.equal(*ended)
 
 

@@ -23,11 +23,11 @@ app = typer.Typer(
     rich_markup_mode=None,  # its boxes take longer to import than everything else
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-app.command("train-teacher", short_help="Train a teacher and put it into the zoo.")(train_teacher)
-app.command("transfer", short_help="Let a teacher help with a new task.")(transfer)
-app.command("eval", short_help="Play a policy, say how it did, film it.")(evaluate)
-app.command("similarity", short_help="Say how tasks relate to each other.")(similarity)
-app.command("compare", short_help="Draw runs on one task side by side.")(compare)
+app.command("train-teacher")(train_teacher)
+app.command("transfer")(transfer)
+app.command("eval")(evaluate)
+app.command("similarity")(similarity)
+app.command("compare")(compare)
 app.add_typer(tasks, name="tasks")
 app.add_typer(zoo, name="zoo")
 

@@ -55,6 +55,15 @@ def make_gym(
         raise CardError(f"cannot make the environment '{env_id}': {reason}") from error
 
 
+def _cores() -> int:
+    """Return how many threads to use, as torch does: OMP_NUM_THREADS where set, else all cores.
+
+    More than cores would spin against each other; results do not depend on their number.
+    """
+    wanted = os.environ.get("OMP_NUM_THREADS", "")
+    return int(wanted) if wanted.isdecimal() and int(wanted) else os.cpu_count() or 1
+
+
 class EnvPoolVector(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
     """EnvPool behind Gymnasium's interface: seeds are given to `reset`, which makes the pool."""
 
@@ -76,14 +85,12 @@ class EnvPoolVector(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
     def _make(self, seeds: list[int]) -> Any:
         import envpool
 
-        # More threads than cores would spin against torch's; results do not depend on their number.
-        threads = min(self.num_envs, os.cpu_count() or 1)
         return envpool.make(
             self.env_id,
             env_type="gymnasium",
             num_envs=self.num_envs,
             seed=seeds,
-            num_threads=threads,
+            num_threads=min(self.num_envs, _cores()),
         )
 
     def reset(

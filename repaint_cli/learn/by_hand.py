@@ -16,10 +16,19 @@ from repaint_cli.config import PPOConfig
 from repaint_cli.distributions import Categorical, Distribution, Gaussian
 from repaint_cli.errors import DivergedError
 from repaint_cli.learn.advantages import Samples
-from repaint_cli.learn.dense import Batch, Choices, Place
-from repaint_cli.learn.dense_kernels import POLICY_NUMBERS, learn_policy, learn_value
+from repaint_cli.learn.dense import Place
+from repaint_cli.learn.dense_kernels import (
+    POLICY_NUMBERS,
+    Batch,
+    Choices,
+    learn_policy,
+    learn_value,
+)
 from repaint_cli.learn.optimizer import RowAdam
 from repaint_cli.nets import ActorCritic
+
+_Job = Callable[[], int]
+"""Takes all steps of a policy or a critic and returns how many those were."""
 
 
 def applies_to(student: ActorCritic) -> bool:
@@ -56,29 +65,31 @@ def learn(
         Each seed's mean losses and diagnostics, (S,) each.
 
     Raises:
-        DivergedError: a loss is not finite.
+        DivergedError: a loss is not finite; unlike in the plain update, which stops at once, the
+            other seeds have learned on.
     """
     assert student.normalizer is not None
     counts = samples.counts.tolist()
     obs = student.normalizer.normalize(samples.frames.take(samples.rows)).numpy()
     actions, advised, spreads = _choices(student, samples, teacher)
-    told = np.zeros((len(counts), ppo.n_epochs * -(-max(counts) // ppo.minibatch_size), 7))
+    n_steps = ppo.n_epochs * -(-max(counts) // ppo.minibatch_size)
+    told, judged = (np.zeros((len(counts), n_steps, n)) for n in (len(POLICY_NUMBERS), 1))
     policies, critics = list[_Job](), list[_Job]()
     for s, (n, rng) in enumerate(zip(counts, rngs, strict=True)):
         order = np.stack([rng.permutation(n) for _ in range(ppo.n_epochs)])
-        batch = Batch(obs[s], order, ppo.minibatch_size)
+        batch = Batch(obs[s], order, max(1, min(ppo.minibatch_size, n)))
         choices = Choices(
             student.spaces.discrete, actions[s], samples.behavior_log_probs[s].numpy(),
             samples.advantages[s].numpy(), advised[s], spreads[s], ppo.clip_range,
-            ppo.ent_coef if critic else 0.0, beta,
+            ppo.ent_coef if critic else 0.0, 0.0 if teacher is None else beta,
         )  # fmt: skip
         place, returns = Place(student, optimizer, s, scale), samples.returns[s].numpy()
-        policies.append(partial(_policy_steps, place, batch, choices, told[s, :, :6]))
-        critics.append(partial(_value_steps, place, batch, returns, ppo.vf_coef, told[s, :, 6:]))
+        policies.append(partial(_policy_steps, place, batch, choices, told[s]))
+        critics.append(partial(_value_steps, place, batch, returns, ppo.vf_coef, judged[s]))
     jobs = policies + critics if critic else policies
     with _blas().limit(limits=1), ThreadPoolExecutor(torch.get_num_threads()) as pool:
         steps = list(pool.map(lambda job: job(), jobs))
-    numbers = _means(told, np.array(steps[: len(counts)]))
+    numbers = _means(np.concatenate([told, judged], 2), np.array(steps[: len(counts)]))
     return _as_plain(numbers, critic, teacher is not None)
 
 
@@ -110,12 +121,12 @@ def _choices(
     if student.spaces.discrete:
         actions = torch.nn.functional.one_hot(actions, n_actions).float()
     spreads = torch.zeros(len(actions), n_actions)
-    match teacher:
-        case Gaussian():
-            return actions.numpy(), teacher.mean.numpy(), (spreads + teacher.log_std[:, 0]).numpy()
-        case Categorical():
-            return actions.numpy(), teacher.log_probs.numpy(), spreads.numpy()
-    return actions.numpy(), torch.zeros_like(actions).numpy(), spreads.numpy()
+    advised = torch.zeros_like(actions)
+    if isinstance(teacher, Gaussian):
+        advised, spreads = teacher.mean, teacher.log_std.squeeze(1)
+    elif isinstance(teacher, Categorical):
+        advised = teacher.log_probs
+    return actions.numpy(), advised.numpy(), spreads.numpy()
 
 
 @cache
@@ -126,10 +137,6 @@ def _blas() -> ThreadpoolController:
     return ThreadpoolController().select(user_api="blas")
 
 
-_Job = Callable[[], int]
-"""Takes all steps of a policy or a critic and returns how many those were."""
-
-
 def _means(told: np.ndarray, steps: np.ndarray) -> dict[str, np.ndarray]:
     """Return each seed's means over its steps, (S,) each, nan of none; told is (S, steps, 7).
 
@@ -137,10 +144,12 @@ def _means(told: np.ndarray, steps: np.ndarray) -> dict[str, np.ndarray]:
         DivergedError: one of them is not finite.
     """
     names = (*POLICY_NUMBERS, "value_loss")
-    if not np.isfinite(told).all():
-        row, step, column = np.argwhere(~np.isfinite(told))[0]
+    lost = ~np.isfinite(told)
+    lost[..., 3:6] = False  # these are no parts of a loss
+    if lost.any():
+        row, step, column = np.argwhere(lost)[0]
         raise DivergedError.of_loss(names[column], told[row, step, column], int(row))
-    with np.errstate(invalid="ignore"):
+    with np.errstate(invalid="ignore", over="ignore"):
         means = (told.sum(1) / steps[:, None]).astype(np.float32)  # (S, 7)
     return dict(zip(names, means.T, strict=True))
 

@@ -51,11 +51,14 @@ class Store:
         self._size = size
 
     def tensor(self) -> Tensor:
-        """Return all of them, (M, *O); nothing can be added any more."""
+        """Give all of them away, (M, *O); nothing can be added any more."""
         self._resize(self._size)
-        return torch.from_numpy(self._array)
+        array = self._array
+        del self._array  # whose memory may move only while nobody else looks at it
+        return torch.from_numpy(array)
 
     def _resize(self, length: int) -> None:
+        # The check would count references of debuggers and tracers, too.
         self._array.resize((length, *self._array.shape[1:]), refcheck=False)
 
 

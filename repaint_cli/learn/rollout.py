@@ -109,6 +109,21 @@ def collect(
     shape = (len(rngs), env.num_envs // len(rngs))  # (S, N)
     tape = _Tape(shape, record)
     noise = _Noise(rngs, shape[1])
+    with torch.no_grad(), _threads_for(obs):
+        return _play(env, obs, policy, tape, noise, n_steps, greedy)
+
+
+def _play(
+    env: RewardTerms,
+    obs: Any,
+    policy: Policy,
+    tape: "_Tape",
+    noise: "_Noise",
+    n_steps: int | None,
+    greedy: bool,
+) -> Rollout:
+    """Act, step and remember until every seed has enough; see `collect`."""
+    shape = tape.shape
     taken = np.zeros(shape[0], int)
     running, resetting, acted = np.ones(shape, bool), np.zeros(shape, bool), np.zeros(shape, bool)
     while True:
@@ -122,8 +137,7 @@ def collect(
         enough = not running.any() if n_steps is None else bool((taken >= n_steps).all())
         if enough:
             return tape.rollout()
-        with torch.no_grad(), _threads_for(obs):
-            actions, log_probs = _act(policy, obs, valid, noise, greedy)
+        actions, log_probs = _act(policy, obs, valid, noise, greedy)
         obs, rewards, terminated, truncated, info = env.step(
             clip(actions, env).reshape(-1, *actions.shape[2:])
         )
@@ -159,9 +173,9 @@ def _act(
 
 @contextmanager
 def _threads_for(obs: Any) -> Iterator[None]:
-    """Keep torch to one thread for vectors: waiting ones would spin against the simulator's."""
+    """Keep torch to one thread for vectors (S · N, O): others would spin against the simulator."""
     threads = torch.get_num_threads()
-    if all(part.ndim == 3 for part in parts(obs)):
+    if all(part.ndim == 2 for part in parts(obs)):
         torch.set_num_threads(1)
     try:
         yield
@@ -184,8 +198,11 @@ def clip(actions: np.ndarray, env: RewardTerms) -> np.ndarray:
 
 
 def _check_finite(numbers: np.ndarray, mask: np.ndarray, what: str, t: int) -> None:
-    if numbers.dtype.kind != "f" or np.isfinite(numbers.sum()):
-        return  # quick, and nearly always
+    if numbers.dtype.kind != "f":
+        return
+    with np.errstate(all="ignore"):
+        if np.isfinite(numbers.sum()):
+            return  # quick, and nearly always
     if not np.isfinite(numbers[mask]).all():
         s, n = np.argwhere(mask & ~np.isfinite(numbers).all(-1))[0]
         raise DivergedError(

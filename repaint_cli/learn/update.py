@@ -32,7 +32,8 @@ class Means:
         means = {}
         for name, steps in self._steps.items():
             counts, numbers = map(torch.stack, zip(*steps, strict=True))  # (steps, S)
-            means[name] = numbers.where(counts > 0, torch.nan).nanmean(0).numpy()
+            took_part = counts > 0
+            means[name] = (numbers.where(took_part, 0.0).sum(0) / took_part.sum(0)).numpy()
         return means
 
 
