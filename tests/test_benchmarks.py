@@ -85,6 +85,15 @@ def test_the_tables_are_those_that_were_measured(name):
             assert line in SPEED
 
 
+def test_the_readmes_tables_are_lines_of_that_page():
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    section = readme.partition("**Speed**")[2].partition("\n## ")[0]
+    lines = [line for line in section.splitlines() if line.startswith("|")]
+    assert len(lines) > 10
+    for line in lines:
+        assert line in SPEED
+
+
 def test_make_bench_runs_them_all():
     line = re.search(r"^BENCHMARKS := (.*)$", (ROOT / "Makefile").read_text(), re.MULTILINE)
     assert tuple(line.group(1).split()) == NAMES

@@ -1,5 +1,6 @@
 """Environments of Gymnasium, on EnvPool where that is the same; nothing here learns for long."""
 
+import os
 from importlib.util import find_spec
 
 import gymnasium
@@ -145,3 +146,21 @@ def test_half_cheetahs_reward_is_the_environments_own(home):
     theirs.reset(seed=5)
     for action in np.random.default_rng(0).uniform(-1, 1, (200, 6)).astype(np.float32):
         assert_allclose(ours.step(action[None])[1][0], theirs.step(action)[1], rtol=1e-12)
+
+
+@needs_envpool
+@pytest.mark.parametrize(("told", "threads"), [("1", 1), ("3", 3), ("", os.cpu_count())])
+def test_envpool_takes_as_many_threads_as_torch(monkeypatch, told, threads):
+    import envpool
+
+    monkeypatch.setenv("OMP_NUM_THREADS", told)
+    asked, make = [], envpool.make
+
+    def spy(*args, num_threads, **kwargs):
+        asked.append(num_threads)
+        return make(*args, num_threads=1, **kwargs)
+
+    monkeypatch.setattr(envpool, "make", spy)
+    env = make_gym("Reacher-v5", 64, {}, "envpool")
+    env.reset(seed=0)
+    assert asked == [threads]

@@ -113,6 +113,45 @@ def test_an_observation_that_is_not_finite_is_named(bad, n_steps):
     assert caught.value.row == 1
 
 
+def test_opposite_infinities_are_not_finite_either():
+    obs = counting(8, 4, width=3)
+    obs[2, 1], obs[2, 2] = np.inf, -np.inf
+    env, first = scripted(obs, np.ones((8, 4)))
+    with pytest.raises(DivergedError, match="in environment 1 at step 2") as caught:
+        collect(env, first, gaussian(), generators(2), n_steps=8)
+    assert caught.value.row == 0
+
+
+def test_what_need_not_be_finite_is_not_looked_at():
+    obs = counting(8, 2, width=3)
+    obs[6:, 1] = NAN
+    env, first = scripted(obs, np.ones((8, 2)), ends=[(2, 1), (7, 0)], terminated=True)
+    rollout = collect(env, first, gaussian(), generators(1))
+    assert rollout.frames.stores[0].isfinite().all()
+
+
+@pytest.mark.parametrize("image", [False, True])
+def test_acting_on_vectors_takes_one_thread_and_gives_the_others_back(image):
+    before, used = torch.get_num_threads(), []
+
+    def policy(obs, counts):
+        used.append(torch.get_num_threads())
+        if len(used) > 1:
+            raise RuntimeError("no more")
+        return Categorical.from_logits(torch.zeros(*obs.shape[:2], 3))
+
+    obs = np.zeros((9, 2, 4, 4, 1), np.uint8) if image else np.zeros((9, 2, 3))
+    env, first = scripted(obs, np.ones((8, 2)), discrete=3)
+    torch.set_num_threads(2)
+    try:
+        with pytest.raises(RuntimeError, match="no more"):
+            collect(env, first, policy, generators(1), n_steps=8)
+        assert torch.get_num_threads() == 2
+    finally:
+        torch.set_num_threads(before)
+    assert used == [2, 2] if image else used == [1, 1]
+
+
 def test_an_episodes_last_observation_has_to_be_finite_too():
     obs = counting(8, 1)
     obs[2] = NAN

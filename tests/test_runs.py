@@ -23,6 +23,7 @@ from repaint_cli.errors import CardError, CheckpointError, DivergedError, NotFou
 from repaint_cli.evaluate import spaces_of
 from repaint_cli.files import sha256
 from repaint_cli.history import newest_run, read_run
+from repaint_cli.learn.dense import Place
 from repaint_cli.learn.optimizer import RowAdam
 from repaint_cli.metrics import COLUMNS
 from repaint_cli.nets import ActorCritic
@@ -283,17 +284,29 @@ def test_an_environment_that_breaks_stops_the_run_at_once(repaint, home, fragile
     assert tensors
 
 
+@pytest.fixture(params=["plain", "compiled"])
+def leaping(request, monkeypatch):
+    """Let the third iteration's steps be far too long; return how a run is told to be such."""
+    calls, step, row = [], RowAdam.step, Place.row
+
+    def leap(self, policies, critics, scale):
+        calls.append(scale)
+        step(self, policies, critics, 1e38 if len(calls) > 10 else scale)  # 4 an iteration
+
+    def leaping_row(self, half):
+        calls.append(half)
+        found = row(self, half)
+        return found._replace(learning_rate=1e38) if len(calls) > 4 else found  # 2 an iteration
+
+    monkeypatch.setattr(RowAdam, "step", leap)
+    monkeypatch.setattr(Place, "row", leaping_row)
+    return "--set", f"ppo.compiled={str(request.param == 'compiled').lower()}"
+
+
 def test_weights_that_diverge_stop_the_run_and_keep_the_last_good_checkpoint(
-    repaint, home, monkeypatch
+    repaint, home, leaping
 ):
-    steps, step = [], RowAdam.step
-
-    def leaps(self, policies, critics, scale):
-        steps.append(scale)
-        step(self, policies, critics, 1e38 if len(steps) > 10 else scale)
-
-    monkeypatch.setattr(RowAdam, "step", leaps)  # 4 steps an iteration: the third diverges
-    said = repaint(*SCRATCH, "--iterations", 5, "--set", "ppo.compiled=false")
+    said = repaint(*SCRATCH, "--iterations", 5, *leaping)
     assert said.code == DivergedError.exit_code
     assert said.err.startswith("error: iteration 3, seed 0: expected")
     assert "a smaller ppo.learning_rate" in said.err

@@ -21,7 +21,10 @@ def compare(
         ),
     ] = False,
 ) -> None:
-    """Compare runs on one task: return over time, its area, iterations to scratch's best."""
+    """Compare runs on one task, side by side.
+
+    By return over time, its area, and iterations to scratch's best.
+    """
     from repaint_cli.cli import side_by_side
     from repaint_cli.cli.session import say_written
     from repaint_cli.report.pictures import draw_curves

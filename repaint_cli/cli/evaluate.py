@@ -38,7 +38,10 @@ def evaluate(
         int | None, typer.Option(help="Of the episodes; default: the policy's own.")
     ] = None,
 ) -> None:
-    """Play a policy's most likely actions, say how it did, draw its paths, film it."""
+    """Play a policy, say how it did, draw it, film it.
+
+    It takes its most likely actions.
+    """
     from repaint_cli.cli.examine import adjusted, check_options, examine, subject
 
     chosen = subject(what, task, Path("runs"))

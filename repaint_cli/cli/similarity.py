@@ -16,9 +16,10 @@ def similarity(
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
-    """Compare tasks by the cosine of their reward weights; say what one's teacher is to another.
+    """Compare tasks by the cosine of their reward weights.
 
-    The relation is directed: a row's task as the teacher, a column's as the target.
+    And say what one's teacher is to another. The relation is directed: a row's task as the teacher,
+    a column's as the target.
     """
     from repaint_cli.cards import shipped_tasks
     from repaint_cli.similarity import cosine, relation

@@ -69,7 +69,10 @@ def check(
         str, typer.Argument(help="A task's name, a card, or a file of waypoints (.npy).")
     ],
 ) -> None:
-    """Check a card, by one random step in its environment, or a track, and draw the track."""
+    """Check a card, or check and draw a track.
+
+    A card is tried by one random step in its environment.
+    """
     from repaint_cli.cards import read_task
     from repaint_cli.evaluate import try_out
 

@@ -23,7 +23,10 @@ def train_teacher(
     run: options.RunFolder = None,
     tensorboard: options.TensorBoard = False,
 ) -> None:
-    """Train a teacher from scratch and put its best evaluated policy into your zoo."""
+    """Train a teacher and put it into your zoo.
+
+    It learns from scratch; its best evaluated policy is kept.
+    """
     from repaint_cli.cards import read_task
     from repaint_cli.cli.session import carry_out, new_folder, new_teacher_name
     from repaint_cli.paths import user_zoo

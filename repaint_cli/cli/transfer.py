@@ -35,7 +35,10 @@ def transfer(
     run: options.RunFolder = None,
     tensorboard: options.TensorBoard = False,
 ) -> None:
-    """Transfer a teacher to a new task, with REPAINT or one of its rivals."""
+    """Transfer a teacher to a new task.
+
+    With REPAINT, or one of its rivals.
+    """
     from repaint_cli.cards import read_task
     from repaint_cli.cli.session import carry_out, find_teacher, new_folder
     from repaint_cli.runs import Plan

@@ -59,7 +59,10 @@ def show(name: Name) -> None:
 def verify(
     name: Annotated[str | None, typer.Argument(help="A teacher's name or file; none: all.")] = None,
 ) -> None:
-    """Check teachers: whole file, finite weights, a sound card, leaves of the right shapes."""
+    """Check that teachers are sound.
+
+    A whole file, finite weights, a sound card, leaves of the right shapes.
+    """
     from repaint_cli.zoo import find, load_teacher, teachers
 
     names = [name] if name else list(teachers())
