@@ -3,7 +3,7 @@
     python benchmarks/pieces.py
 
 Microseconds. A step is one minibatch of 64 with 27 observations and 8 actions, a policy and a
-critic of 64-64, within a whole update of one seed.
+critic of 64-64 or 256-256 tanh units, within a whole update of one seed.
 """
 
 from collections.abc import Callable, Iterator
@@ -23,7 +23,7 @@ from repaint_cli.learn.dense_kernels import tanh
 OBS, ACTIONS, SAMPLES, NUMBERS = 27, 8, 2048, 4096
 
 
-def step(compiled: bool, own_blas_threads: bool = False) -> float:
+def step(compiled: bool, width: int = 64, own_blas_threads: bool = False) -> float:
     """Return the time of a gradient step."""
     from repaint_cli.config import NetConfig, PPOConfig
     from repaint_cli.learn import by_hand
@@ -34,7 +34,9 @@ def step(compiled: bool, own_blas_threads: bool = False) -> float:
     from repaint_cli.nets import ActorCritic
     from repaint_cli.spaces import Spaces
 
-    student = ActorCritic(Spaces((OBS,), ACTIONS, discrete=False), NetConfig(), 1)
+    student = ActorCritic(
+        Spaces((OBS,), ACTIONS, discrete=False), NetConfig(hidden=(width, width)), 1
+    )
     student.initialize([np.random.default_rng(0)])
     optimizer, draw = RowAdam(student, 3e-4), partial(torch.randn, generator=torch.manual_seed(0))
     each = [draw(1, SAMPLES) for _ in range(4)]
@@ -76,14 +78,15 @@ def tangents(how: str, times: int = 2000) -> float:
     return 1e6 * (perf_counter() - started) / times
 
 
-BY_HAND = {"a step": "a step, by hand", "4,096 tanh": "4,096 tanh, by hand"}
 SIDES: dict[str, Callable[[], float]] = {
     "a step, autograd": partial(step, False),
-    "a step, by hand, BLAS with threads of its own": partial(step, True, True),
     "a step, by hand": partial(step, True),
-    "4,096 tanh, torch": partial(tangents, "torch"),
-    "4,096 tanh, numpy": partial(tangents, "numpy"),
-    "4,096 tanh, by hand": partial(tangents, "ours"),
+    "a step of 256 units, autograd": partial(step, False, 256),
+    "a step of 256 units, by hand, BLAS with its threads": partial(step, True, 256, True),
+    "a step of 256 units, by hand": partial(step, True, 256),
+    "tanh of 4,096, torch": partial(tangents, "torch"),
+    "tanh of 4,096, numpy": partial(tangents, "numpy"),
+    "tanh of 4,096, by hand": partial(tangents, "ours"),
 }
 
 
@@ -91,7 +94,7 @@ def tables(found: Measurements) -> Iterator[Table]:
     """Yield every side beside the one by hand."""
     rows = []
     for side, taken in found.items():
-        least = next(found[best] for what, best in BY_HAND.items() if side.startswith(what))
+        least = found[f"{side.split(', ')[0]}, by hand"]
         rows.append((side, median(taken, ".1f"), span(taken / least, ".1f")))
     yield Table(("piece", "µs", ": by hand"), rows)
 
