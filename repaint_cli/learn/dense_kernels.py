@@ -239,6 +239,14 @@ def categorical_head(
 
 
 @loose_kernel
+def gathered(batch: Batch, rows: np.ndarray, room: np.ndarray) -> np.ndarray:
+    """Return the observations of a minibatch, (b, O), laid one after the other in `room`."""
+    for i in range(len(rows)):
+        room[i] = batch.obs[rows[i]]
+    return room[: len(rows)]
+
+
+@loose_kernel
 def learn_policy(
     tower: Tower,
     row: Row,
@@ -253,13 +261,12 @@ def learn_policy(
     `told` (steps, 6) gets each step's means, named by POLICY_NUMBERS.
     """
     head, step = len(tower.weights) - 1, 0
-    x = np.empty((batch.size, batch.obs.shape[1]), np.float32)
+    room = np.empty((batch.size, batch.obs.shape[1]), np.float32)
     for order in batch.order:
         for start in range(0, len(order), batch.size):
             rows = order[start : start + batch.size]
-            for i in range(len(rows)):
-                x[i] = batch.obs[rows[i]]
-            forward(x[: len(rows)], tower)
+            x = gathered(batch, rows, room)
+            forward(x, tower)
             out, slopes = tower.outputs[head][: len(rows)], tower.slopes[head]
             if choices.discrete:
                 categorical_head(out, rows, choices, slopes, told[step])
@@ -269,7 +276,7 @@ def learn_policy(
             step += 1
             if not np.isfinite(told[step - 1, :3]).all():
                 return step
-            backward(x[: len(rows)], tower)
+            backward(x, tower)
             adam(row, row.steps + step)
     return step
 
@@ -280,13 +287,12 @@ def learn_value(
 ) -> int:
     """Take all epochs' steps of a critic on c·(V − R̂)²; see `learn_policy`; told is (steps, 1)."""
     head, step = len(tower.weights) - 1, 0
-    x = np.empty((batch.size, batch.obs.shape[1]), np.float32)
+    room = np.empty((batch.size, batch.obs.shape[1]), np.float32)
     for order in batch.order:
         for start in range(0, len(order), batch.size):
             rows = order[start : start + batch.size]
-            for i in range(len(rows)):
-                x[i] = batch.obs[rows[i]]
-            forward(x[: len(rows)], tower)
+            x = gathered(batch, rows, room)
+            forward(x, tower)
             for i in range(len(rows)):
                 error = tower.outputs[head][i, 0] - returns[rows[i]]
                 told[step, 0] += error * error / len(rows)
@@ -294,6 +300,6 @@ def learn_value(
             step += 1
             if not np.isfinite(told[step - 1, 0]):
                 return step
-            backward(x[: len(rows)], tower)
+            backward(x, tower)
             adam(row, row.steps + step)
     return step
