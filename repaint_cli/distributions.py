@@ -4,6 +4,7 @@ Shapes: S seeds, B samples, A action size (Gaussian) or number of actions (categ
 comes in as `noise`, so that every seed owns its generator and a sample is a function.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import log, pi
 from typing import TypeAlias
@@ -121,3 +122,13 @@ class Categorical:
 
 
 Distribution: TypeAlias = Gaussian | Categorical
+
+
+def joined(parts: Sequence[Distribution]) -> Distribution:
+    """Return what one policy is at the samples of all parts, (S, ΣB), without its gradients."""
+    first = parts[0]
+    if isinstance(first, Gaussian):
+        means = [part.mean for part in parts if isinstance(part, Gaussian)]
+        return Gaussian(torch.cat(means, 1).detach(), first.log_std.detach())
+    log_probs = [part.log_probs for part in parts if isinstance(part, Categorical)]
+    return Categorical(torch.cat(log_probs, 1).detach())

@@ -6,8 +6,9 @@ from typing import Any
 import numpy as np
 
 from repaint_cli.learn.frames import each
-from repaint_cli.learn.rollout import Policy, Rollout, clip, collect, start
+from repaint_cli.learn.rollout import Policy, clip, collect, start
 from repaint_cli.learn.seeding import Purpose, env_seeds, generator
+from repaint_cli.learn.tape import Rollout
 from repaint_cli.nets import ActorCritic
 from repaint_cli.simulators import GymEnv
 from repaint_cli.spaces import Spaces

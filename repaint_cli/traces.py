@@ -14,7 +14,7 @@ from repaint_cli.simulators import RacerEnv
 
 if TYPE_CHECKING:
     from repaint_cli.evaluate import Episodes
-    from repaint_cli.learn.rollout import Rollout
+    from repaint_cli.learn.tape import Rollout
 
 
 @dataclass(frozen=True)

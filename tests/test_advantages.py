@@ -10,7 +10,7 @@ from repaint_cli.config import NetConfig
 from repaint_cli.learn import advantages as module
 from repaint_cli.learn.advantages import Samples, describe, gae, to_samples
 from repaint_cli.learn.frames import Frames
-from repaint_cli.learn.rollout import Rollout
+from repaint_cli.learn.tape import Rollout
 from repaint_cli.nets import ActorCritic
 from repaint_cli.spaces import Spaces
 

@@ -35,10 +35,10 @@ class RewardTerms(VectorWrapper):
         """
         obs, _, terminated, truncated, info = self.env.step(actions)
         terms = np.zeros((self.num_envs, len(self.names)))  # (N, F)
-        acting = ~self._ended
-        if acting.any():
+        if not self._ended.all():
             for column, name in enumerate(self.names):
-                terms[:, column] = np.where(acting, self._term(info, name), 0.0)
+                terms[:, column] = self._term(info, name)
+            terms[self._ended] = 0
         self._ended = np.logical_or(terminated, truncated)
         return obs, terms @ self.weights, terminated, truncated, info | {"reward_terms": terms}
 

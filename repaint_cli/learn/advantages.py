@@ -8,9 +8,10 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from repaint_cli.distributions import Categorical, Distribution, Gaussian
+from repaint_cli.distributions import Distribution, joined
 from repaint_cli.learn.frames import Frames
-from repaint_cli.learn.rollout import Policy, Rollout
+from repaint_cli.learn.rollout import Policy
+from repaint_cli.learn.tape import Rollout
 
 CHUNK = 512
 """Images a network looks at in one go; bounds the memory of a pass over a whole rollout."""
@@ -141,10 +142,7 @@ def _values(rollout: Rollout, value: Value) -> np.ndarray:
 
 def describe(policy: Policy, samples: Samples) -> Distribution:
     """Return a policy's distributions at all samples, (S, B), without gradients."""
-    parts = list(_passes(policy, samples.frames, samples.rows, samples.counts))
-    if isinstance(parts[0], Gaussian):
-        return Gaussian(torch.cat([part.mean for part in parts], 1), parts[0].log_std.detach())
-    return Categorical(torch.cat([part.log_probs for part in parts], 1))
+    return joined(list(_passes(policy, samples.frames, samples.rows, samples.counts)))
 
 
 def _passes(

@@ -13,7 +13,7 @@ from repaint_cli.learn import schedules
 from repaint_cli.learn.advantages import Samples, describe, to_samples
 from repaint_cli.learn.frames import Frames
 from repaint_cli.learn.optimizer import RowAdam
-from repaint_cli.learn.rollout import Policy, Rollout, collect, start
+from repaint_cli.learn.rollout import Policy, collect, start
 from repaint_cli.learn.seeding import Purpose, generator
 from repaint_cli.learn.selection import (
     Moments,
@@ -22,6 +22,7 @@ from repaint_cli.learn.selection import (
     rescale,
     standardize,
 )
+from repaint_cli.learn.tape import Rollout
 from repaint_cli.learn.update import (
     learn_from_instances,
     learn_on_policy,
