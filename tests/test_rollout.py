@@ -219,7 +219,7 @@ def test_images_are_stored_once_as_bytes_and_only_those_that_count_are_looked_at
 
     def policy(obs, counts):
         looked.append([obs[s, :n].flatten().tolist() for s, n in enumerate(counts)])
-        return Gaussian(obs.flatten(2).float() / 100, torch.full((2, 1, 1), -20.0))
+        return Gaussian(obs.flatten(2).float() / 100, torch.full((2, 1, 1), -7.0))
 
     ends = [(0, 0), (2, 1), (1, 2), (1, 3)]
     env, first = scripted(obs, np.ones((6, 4)), ends)
@@ -227,7 +227,11 @@ def test_images_are_stored_once_as_bytes_and_only_those_that_count_are_looked_at
     assert looked == [[[0, 1], [2, 3]], [[11], [12, 13]], [[21], []]]
     for t, actions in enumerate(np.array(env.unwrapped.told)[..., 0]):
         valid = rollout.valid[t].flatten()
-        assert_allclose(actions[valid], obs[t, :, 0, 0, 0][valid] / 100, atol=1e-6)
+        means = obs[t, :, 0, 0, 0][valid] / 100
+        assert_allclose(actions[valid], means, atol=5e-3)
+        z = (actions[valid] - means) * np.exp(7)
+        log_probs = rollout.behavior_log_probs[t].flatten()[valid]
+        assert_allclose(log_probs, 7 - z**2 / 2 - np.log(2 * np.pi) / 2, atol=1e-3)
     first_store, second_store = rollout.frames.stores
     assert first_store.dtype == torch.uint8
     assert first_store.flatten().tolist() == [0, 1, 10, 11, 21, 31]
