@@ -25,14 +25,15 @@ def training(n_seeds: int = 1, n_steps: int = 2048, n_envs: int = 40) -> float:
     """Return the ms per 1,000 steps of training, over all seeds."""
     from repaint_cli.cards import read_task
     from repaint_cli.evaluate import spaces_of
-    from repaint_cli.learn.trainer import Learner, train
+    from repaint_cli.learn.learner import Learner
+    from repaint_cli.learn.trainer import train
     from repaint_cli.nets import ActorCritic
 
     settings = [f"ppo.n_steps={n_steps}", f"ppo.n_envs={n_envs}"]
     card = read_task("reacher").with_settings(settings)
     student = ActorCritic(spaces_of(card), card.net, n_seeds)
     learner = Learner.fresh(student, list(range(n_seeds)), card.ppo.learning_rate)
-    iterations = train(card, learner, None)
+    iterations = train(card, learner)
     next(iterations)
     started, count = perf_counter(), 3
     for _ in islice(iterations, count):
@@ -66,14 +67,15 @@ def memory(n_seeds: int) -> float:
     """Return the largest resident memory of camera training, MB: 20 laps a seed, one epoch."""
     from repaint_cli import zoo
     from repaint_cli.cards import read_task
-    from repaint_cli.learn.trainer import Learner, train
+    from repaint_cli.learn.learner import Learner
+    from repaint_cli.learn.trainer import train
 
     student, _ = zoo.load_teacher(zoo.find("racer-inner"), n_seeds)
     weights = student.storage.clone()
     card = read_task("racer-inner").with_settings(["ppo.n_epochs=1"])
     learner = Learner.fresh(student, list(range(n_seeds)), card.ppo.learning_rate)
     student.storage.copy_(weights)  # who drives whole laps sees some 7,000 images a seed
-    for _ in islice(train(card, learner, None), 2):
+    for _ in islice(train(card, learner), 2):
         pass
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 

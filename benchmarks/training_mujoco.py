@@ -66,7 +66,8 @@ def repaint(task: str, n_seeds: int, compiled: bool) -> float:
     """Train with repaint; return steps per second over all seeds."""
     from repaint_cli.cards import read_task
     from repaint_cli.evaluate import spaces_of
-    from repaint_cli.learn.trainer import Learner, train
+    from repaint_cli.learn.learner import Learner
+    from repaint_cli.learn.trainer import train
     from repaint_cli.nets import ActorCritic
 
     card = read_task("reacher").with_settings([f"ppo.compiled={str(compiled).lower()}"])
@@ -76,7 +77,7 @@ def repaint(task: str, n_seeds: int, compiled: bool) -> float:
         card = card.with_settings(settings).model_copy(update={"reward": dict.fromkeys(terms, 1.0)})
     student = ActorCritic(spaces_of(card), card.net, n_seeds)
     learner = Learner.fresh(student, list(range(n_seeds)), card.ppo.learning_rate)
-    iterations = train(card, learner, None)
+    iterations = train(card, learner)
     next(iterations)
     started = perf_counter()
     for _ in islice(iterations, ITERATIONS[task]):

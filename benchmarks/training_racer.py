@@ -88,12 +88,13 @@ def convolutions(pool: int) -> list[nn.Module]:
 def repaint(pool: int) -> float:
     """Train two iterations with repaint; return ms per step."""
     from repaint_cli.evaluate import spaces_of
-    from repaint_cli.learn.trainer import Learner, train
+    from repaint_cli.learn.learner import Learner
+    from repaint_cli.learn.trainer import train
     from repaint_cli.nets import ActorCritic
 
     card = read_task("racer-inner").with_settings([f"net.pool={pool}"])
     learner = Learner.fresh(ActorCritic(spaces_of(card), card.net, 1), [0], 3e-4)
-    iterations = train(card, learner, None)
+    iterations = train(card, learner)
     next(iterations)
     before, started = learner.env_steps.sum(), perf_counter()
     next(iterations), next(iterations)

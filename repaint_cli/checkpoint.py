@@ -12,7 +12,7 @@ from torch import Tensor
 
 from repaint_cli.errors import CheckpointError
 from repaint_cli.files import KEY, header_of, opened, written_whole
-from repaint_cli.learn.trainer import Learner
+from repaint_cli.learn.learner import Learner
 from repaint_cli.nets import ActorCritic
 
 

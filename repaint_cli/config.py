@@ -11,7 +11,15 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field, PositiveInt, field_validator, model_validator
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    NonNegativeFloat,
+    PositiveInt,
+    field_validator,
+    model_validator,
+)
 
 
 class Settings(BaseModel):
@@ -49,19 +57,35 @@ class PPOConfig(Settings):
     """Samples per gradient step; the remainder of a pass is a smaller step."""
     learning_rate: float = Field(3e-4, gt=0)
     """Adam's step size."""
+    learning_rate_decay: int | None = Field(None, gt=0)
+    """Iterations over which the step size falls in a straight line to 0; constant where absent."""
     gamma: float = Field(0.99, gt=0, le=1)
     """γ, the discount per step."""
     gae_lambda: float = Field(0.95, ge=0, le=1)
     """λ of the generalised advantage estimates."""
+    objective: Literal["clipped", "a2c", "trpo", "reinforce"] = "clipped"
+    """The first term of L_rep, and the loss on instances (paper, appendix A): PPO's, that of
+    advantage actor-critic, TRPO's with a penalty, or REINFORCE's, whose relatedness is R̂ − V."""
     clip_range: float = Field(0.2, gt=0, lt=1)
     """ε, how far the likelihood ratio may leave 1."""
+    clip_decay: int | None = Field(None, gt=0)
+    """Iterations over which ε falls in a straight line to 0; constant where absent."""
+    kl_coef: float = Field(1.0, ge=0)
+    """β of the objective `trpo`, weight of KL(μ‖π)."""
     ent_coef: float = Field(1e-4, ge=0)
     """Weight of the entropy bonus."""
     vf_coef: float = Field(0.5, gt=0)
     """Weight of the value loss."""
+    time_limit: Literal["bootstrap", "terminal"] = "bootstrap"
+    """Whether V(s′) counts where a time limit cut an episode, or nothing does."""
+    whole_episodes: bool = False
+    """Whether episodes that run when `n_steps` are full are played out, and the rest cut off after
+    advantages are known."""
+    advantages: Literal["before", "after"] = "before"
+    """Whether Â is estimated before the critic's fit, or after it, as algorithms 1 and 2 write."""
     compiled: bool = True
-    """Whether an `mlp` is updated with derivatives by hand, but for joint updates; false runs the
-    formulas as written."""
+    """Whether an `mlp` with the objective `clipped` is updated with derivatives by hand, but for
+    joint updates; false runs the formulas as written."""
 
     @model_validator(mode="after")
     def _one_length(self) -> "PPOConfig":
@@ -81,20 +105,44 @@ class TransferConfig(Settings):
     """I of the ratio R:I, off-policy instance-transfer iterations in a row; 0 is kickstarting."""
     joint: bool = False
     """Whether both gradients meet in one update (algorithm 1); `--method repaint-joint` says so."""
-    kickstart_coef: float = Field(0.2, ge=0)
-    """β₀, weight of the cross-entropy to the teacher at the first iteration."""
+    kickstart_coef: NonNegativeFloat | tuple[NonNegativeFloat, ...] = 0.2
+    """β₀, weight of the cross-entropy to the teacher at the first iteration; several teachers share
+    it evenly, or have a β₀ each."""
     kickstart_decay: float = Field(0.95, gt=0, le=1)
     """β is multiplied by this after each iteration of either kind."""
+    kickstart_schedule: Literal["geometric", "linear", "constant", "stepwise"] = "geometric"
+    """How β falls: by `kickstart_decay` each time, in a straight line to 0 after K, not at all, or
+    by `kickstart_decay` every `kickstart_every` times."""
+    kickstart_every: int = Field(5, gt=0)
+    """How many times β stays the same in the schedule `stepwise`."""
+    kickstart_counts: Literal["iterations", "representation"] = "iterations"
+    """Whether β falls after every iteration, or only after those of representation transfer."""
     alpha_1: float = Field(1.0, gt=0)
     """α₁, scale of L_rep's step: of the learning rate when alternating, of the loss when joint."""
     alpha_2: float = Field(1.0, gt=0)
     """α₂, the same for L_ins."""
+    alpha_power: float = Field(0.0, ge=0, le=1)
+    """a of the power law k^−a that both α are multiplied by (paper, theorem 5.2)."""
+    warm_start: Literal["policy", "policy+value"] = "policy+value"
+    """What `--method warm-start` takes from the teacher; the normaliser belongs to both."""
+    warm_start_log_std: float | None = None
+    """log σ to begin a warm start with, in place of the teacher's; continuous actions."""
+    critic_warmup: int = Field(0, ge=0)
+    """First iterations, with the student's own rollouts, in which only the critic learns."""
     teacher_min_std: float = Field(0.0, ge=0)
     """Floor on the teacher's σ when it samples, is scored and is imitated; continuous actions."""
     teacher_temperature: float = Field(1.0, gt=0)
     """Temperature of the teacher's softmax for the same three uses; discrete actions."""
     teacher_episodes: int = Field(2, gt=0)
-    """Whole teacher episodes in an instance iteration, where rollouts are counted in episodes."""
+    """Whole episodes of all teachers in an instance iteration, where rollouts count episodes."""
+    teacher_statistics: bool = False
+    """Whether what teachers saw enters the student's normaliser of observations, too."""
+
+    def betas(self, n_teachers: int) -> tuple[float, ...]:
+        """Return β₀ of each teacher."""
+        if isinstance(self.kickstart_coef, tuple):
+            return self.kickstart_coef
+        return (self.kickstart_coef / n_teachers,) * n_teachers
 
     @field_validator("joint")
     @classmethod
@@ -107,8 +155,27 @@ class TransferConfig(Settings):
 class SelectConfig(Settings):
     """Which teacher samples survive experience selection (paper, section 4.2)."""
 
+    rule: Literal["zeta", "abs", "top", "per", "rbt", "all"] = "zeta"
+    """Keep Â′ ≥ ζ (the paper's), |Â′| ≥ ζ, the highest share, or all; or draw by |Â′| (prioritised
+    replay) or by relevance to the student's last batch (Lazaric et al. 2008)."""
     threshold: float = 0.8
     """ζ: a teacher sample is kept where its advantage Â′ ≥ ζ."""
+    last_threshold: float | None = None
+    """ζ at iteration K, which it moves to in a straight line; constant where absent."""
+    share: float = Field(0.2, gt=0, le=1)
+    """q: the share of the samples that `top` keeps, and that `per` and `rbt` draw."""
+    priority_exponent: float = Field(0.6, ge=0)
+    """α of `per`: 0 draws all alike."""
+    importance_exponent: float = Field(0.4, ge=0, le=1)
+    """β of `per`: 1 makes up for all of the drawing, 0 for none of it."""
+    bandwidth: float = Field(0.1, gt=0)
+    """δ of `rbt`, the kernels' width in squared standard deviations of the student's batch."""
+    neighbourhood: float = Field(0.8, gt=0, le=1)
+    """μ of `rbt`: distances are averaged over target samples of this cumulative weight."""
+    neighbours: Literal["nearest", "farthest"] = "nearest"
+    """Which of them `rbt` counts first; the authors' later code counts from the farthest."""
+    normalize: Literal["sum", "max"] = "sum"
+    """What `rbt` divides agreement by; by the sum, as written, distance decides nearly alone."""
     scale: Literal["teacher-batch", "student-batch", "none"] = "teacher-batch"
     """What Â′ is standardised with: its own batch, the student's last batch, or nothing (raw)."""
 

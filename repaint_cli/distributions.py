@@ -21,7 +21,7 @@ class Gaussian:
     mean: Tensor
     """μ, (S, B, A)."""
     log_std: Tensor
-    """log σ, (S, 1, A): the same in every state."""
+    """log σ, (S, 1, A): the same in every state; (S, B, A) of several policies in one."""
 
     @property
     def n_actions(self) -> int:
@@ -34,7 +34,7 @@ class Gaussian:
         return (-0.5 * z * z - self.log_std - 0.5 * log(2 * pi)).sum(-1)
 
     def entropy(self) -> Tensor:
-        """Return the differential entropy, (S, 1): it does not depend on the state."""
+        """Return the differential entropy, (S, 1): it depends on the state no more than σ does."""
         return (self.log_std + 0.5 * log(2 * pi * np.e)).sum(-1)
 
     def cross_entropy(self, other: "Distribution") -> Tensor:
@@ -67,7 +67,8 @@ class Gaussian:
         return rng.standard_normal(shape, dtype=np.float32)
 
     def __getitem__(self, rows: tuple[Tensor, Tensor]) -> "Gaussian":
-        return Gaussian(self.mean[rows], self.log_std)
+        same = self.log_std.shape[1] == 1
+        return Gaussian(self.mean[rows], self.log_std if same else self.log_std[rows])
 
 
 @dataclass(frozen=True)
@@ -132,3 +133,37 @@ def joined(parts: Sequence[Distribution]) -> Distribution:
         return Gaussian(torch.cat(means, 1).detach(), first.log_std.detach())
     log_probs = [part.log_probs for part in parts if isinstance(part, Categorical)]
     return Categorical(torch.cat(log_probs, 1).detach())
+
+
+def side_by_side(parts: Sequence[Distribution]) -> Distribution:
+    """Return what several policies are, each at samples of its own, (S, ΣB)."""
+    whole = joined(parts)
+    if isinstance(whole, Categorical):
+        return whole
+    spreads = [part.log_std.expand_as(part.mean) for part in parts if isinstance(part, Gaussian)]
+    return Gaussian(whole.mean, torch.cat(spreads, 1))
+
+
+def blend(parts: Sequence[Distribution], weights: Sequence[float]) -> Distribution:
+    """Return the distribution T that stands for several teachers at the same samples, (S, B).
+
+        Σᵢ βᵢ·H(Tᵢ‖π) = (Σᵢ βᵢ)·H(T‖π)   for every π of the family      (paper, equation 5)
+
+    as H(T‖π) is linear in T's probabilities or, where π is Gaussian, in T's first two moments: T is
+    the mixture, or the Gaussian with its mean and its variance.
+    """
+    if len(parts) == 1:
+        return parts[0]
+    shares = [weight / sum(weights) for weight in weights]
+    if isinstance(parts[0], Categorical):
+        logs = [
+            p.log_probs + log(w)
+            for p, w in zip(parts, shares, strict=True)
+            if w > 0 and isinstance(p, Categorical)
+        ]
+        return Categorical(torch.logsumexp(torch.stack(logs), 0))
+    pairs = [(p, w) for p, w in zip(parts, shares, strict=True) if isinstance(p, Gaussian)]
+    mean = sum((w * p.mean for p, w in pairs), torch.zeros(()))
+    # Var = Σ wᵢ·(τᵢ² + (mᵢ − m)²): no difference of large numbers
+    spread = [w * (torch.exp(2 * p.log_std) + (p.mean - mean) ** 2) for p, w in pairs]
+    return Gaussian(mean, 0.5 * torch.log(sum(spread, torch.zeros(()))))

@@ -31,9 +31,9 @@ class Run:
 
     @property
     def label(self) -> str:
-        """The method and, if it had one, the teacher."""
-        teacher = self.record["teacher"]
-        return f"{self.method} from {teacher['name']}" if teacher else self.method
+        """The method and, if it had any, its teachers."""
+        teachers = " and ".join(teacher["name"] for teacher in self.record["teachers"])
+        return f"{self.method} from {teachers}" if teachers else self.method
 
     @property
     def returns(self) -> np.ndarray:
@@ -58,12 +58,14 @@ def read_run(folder: Path) -> Run:
         raise NotFound(f"expected a run's folder with run.json, found none at {folder}")
     try:
         record = json.loads((folder / "run.json").read_text(encoding="utf-8"))
+        if record.get("schema_version") == 1:  # which knew one teacher at most
+            record["teachers"] = [record["teacher"]] if record["teacher"] else []
         task = TaskCard.parse(record["task"], str(folder / "run.json"))
         rows = _columns(folder / "metrics.csv", [str(seed) for seed in record["seeds"]])
-        for name, found in (("method", record), ("teacher", record), ("eval_return", rows)):
+        for name, found in (("method", record), ("teachers", record), ("eval_return", rows)):
             if name not in found:
                 raise KeyError(name)
-    except (OSError, ValueError, KeyError, TypeError) as error:
+    except (OSError, ValueError, LookupError, TypeError, AttributeError) as error:
         raise CheckpointError(f"{folder} is damaged: {type(error).__name__}: {error}") from error
     return Run(folder, record, task, rows)
 

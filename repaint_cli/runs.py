@@ -11,19 +11,20 @@ from typing import Any
 
 from repaint_cli import checkpoint, zoo
 from repaint_cli.config import TransferConfig
-from repaint_cli.errors import CheckpointError, StoreError, TeacherMismatch, telling_where
+from repaint_cli.errors import StoreError, telling_where
 from repaint_cli.evaluate import evaluate, spaces_of
-from repaint_cli.files import sha256, write_text
+from repaint_cli.files import write_text
+from repaint_cli.learn.learner import Learner
 from repaint_cli.learn.seeding import Purpose
-from repaint_cli.learn.trainer import Learner, train
+from repaint_cli.learn.trainer import train
 from repaint_cli.methods import METHODS
 from repaint_cli.metrics import COLUMNS, Report, append_csv
 from repaint_cli.nets import ActorCritic
 from repaint_cli.report.statistics import mean_ci
 from repaint_cli.simtrace import Simtrace, log_folders
 from repaint_cli.simulators import RacerEnv
-from repaint_cli.spaces import Spaces
 from repaint_cli.tasks import TaskCard
+from repaint_cli.teaching import load_staff, warm_start
 from repaint_cli.traces import driven, played
 
 CHECKPOINT = "checkpoint.safetensors"
@@ -44,50 +45,46 @@ class Plan:
     method: str
     seeds: list[int]
     folder: Path
-    teacher: Path | None = None
+    teachers: tuple[Path, ...] = ()
+    acting: tuple[Path, ...] | None = None
+    """Those whose own samples are learned from; all of them where absent."""
 
     @property
     def transfer(self) -> TransferConfig:
         """What the method leaves of the task's transfer settings."""
         return METHODS[self.method].apply(self.task.transfer)
 
+    @property
+    def target(self) -> TaskCard:
+        """The task as the method carries it out."""
+        return self.task.model_copy(update={"transfer": self.transfer})
+
 
 class Experiment:
     """A run while it runs; `run` yields a report after every iteration."""
 
     def __init__(self, plan: Plan) -> None:
-        """Try the task, make the student, load the teacher, and only then claim the folder.
+        """Try the task, make the student, load the teachers, and only then claim the folder.
 
         Raises:
             CardError: the task cannot be rolled out as its card says.
-            TeacherMismatch: the teacher does not fit the task.
-            CheckpointError: the teacher's file is damaged.
+            TeacherMismatch: a teacher does not fit the task.
+            CheckpointError: a teacher's file is damaged.
             StoreError: the folder exists or cannot be made.
         """
-        self.plan, task = plan, plan.task
+        self.plan, task, method = plan, plan.target, METHODS[plan.method]
         spaces = spaces_of(task)
         task.check_rollout()
         student = ActorCritic(spaces, task.net, len(plan.seeds))
         self.learner = Learner.fresh(student, plan.seeds, task.ppo.learning_rate)
-        self.teacher: ActorCritic | None = None
-        self.teacher_card: zoo.TeacherCard | None = None
-        if plan.teacher and METHODS[plan.method].needs_teacher:
-            self._load_teacher(plan.teacher, spaces)
+        paths = plan.teachers if method.needs_teacher else ()
+        self.staff = load_staff(paths, plan.acting, task, spaces, len(plan.seeds))
+        if method.warm_start:
+            warm_start(student, self.staff, task)
         self.reports: list[Report] = []
         self.best_return = float("-inf")
         self._logs: list[Simtrace] = []
         self._claim_folder()
-
-    def _load_teacher(self, path: Path, spaces: Spaces) -> None:
-        zoo.check_fits(zoo.read_card(path), self.plan.task, spaces)
-        self.teacher, self.teacher_card = zoo.load_teacher(path, len(self.plan.seeds))
-        if METHODS[self.plan.method].warm_start:
-            try:
-                leaves = checkpoint.policy_tensors(self.teacher, 0)
-                where = f"teacher '{self.teacher_card.name}'"
-                checkpoint.load_policy(self.learner.student, leaves, where)
-            except CheckpointError as error:
-                raise TeacherMismatch(f"a warm start needs equal networks: {error}") from error
 
     def _claim_folder(self) -> None:
         folder = self.plan.folder
@@ -110,10 +107,9 @@ class Experiment:
         Whenever this stops, also by Ctrl-C, the last finished iteration is on disk.
         """
         started, state = perf_counter(), "interrupted"
-        learner = self.learner
-        task = self.plan.task.model_copy(update={"transfer": self.plan.transfer})
+        learner, task = self.learner, self.plan.target
         try:
-            for stats in train(task, learner, self.teacher):
+            for stats in train(task, learner, self.staff.teachers):
                 k = stats.iteration
                 with telling_where(learner.seeds, f"evaluation after iteration {k}"):
                     played = evaluate(learner.student, task, learner.seeds, task.eval.episodes, k)
@@ -152,14 +148,11 @@ class Experiment:
 
     def _write_record(self, state: str, **more: Any) -> None:
         plan = self.plan
-        teacher = None
-        if self.teacher_card and plan.teacher:
-            teacher = {"name": self.teacher_card.name, "sha256": sha256(plan.teacher)}
         record = {
-            "schema_version": 1,
+            "schema_version": 2,
             "state": state,
             "method": plan.method,
-            "teacher": teacher,
+            "teachers": self.staff.record,
             "seeds": plan.seeds,
             "task": plan.task.model_dump(mode="json"),
             "transfer": plan.transfer.model_dump(mode="json"),
@@ -195,7 +188,7 @@ class Experiment:
             iteration=self.learner.iteration,
             env_steps=int(self.learner.env_steps[s]),
             versions=versions(),
-            parent=sha256(self.plan.teacher) if self.plan.teacher else None,
+            parents=tuple(str(teacher["sha256"]) for teacher in self.staff.record),
             created=datetime.now(UTC).isoformat(timespec="seconds"),
         )
 

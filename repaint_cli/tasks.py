@@ -168,7 +168,8 @@ def _first_problem(error: ValidationError) -> str:
     problems = error.errors()
     same = [problem for problem in problems if problem["loc"][:2] == problems[0]["loc"][:2]]
     problem = max(same, key=lambda problem: len(problem["loc"]))  # of several kinds, the nearest
-    loc = [str(part) for part in problem["loc"] if "[" not in str(part)]
+    kinds = ("[", "constrained-")  # of a value that may be of several, which pydantic names too
+    loc = [str(part) for part in problem["loc"] if not any(kind in str(part) for kind in kinds)]
     if loc[:1] == ["env"]:
         del loc[1:2]  # the simulator, which pydantic names too
     where = ".".join(loc)

@@ -1,11 +1,12 @@
 """The zoo: teachers in a local folder, one file each; the card stands in the file's own header."""
 
 import re
+from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
-from pydantic import ValidationError
+from pydantic import ValidationError, model_validator
 
 from repaint_cli.config import Settings
 from repaint_cli.errors import CheckpointError, NotFound, StoreError, TeacherMismatch
@@ -67,10 +68,20 @@ class TeacherCard(Settings):
     """How well it does its own task."""
     versions: dict[str, str]
     """Of the libraries it was made with."""
-    parent: str | None = None
-    """SHA-256 of its own teacher's file, if it had one."""
+    parents: tuple[str, ...] = ()
+    """SHA-256 of its own teachers' files, if it had any."""
     created: str
     """When, UTC."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _one_parent(cls, data: Any) -> Any:
+        """Read files from before a teacher could have several teachers."""
+        if isinstance(data, dict) and "parent" in data:
+            parent = data["parent"]
+            rest = {key: value for key, value in data.items() if key != "parent"}
+            return {"parents": [parent] if parent else []} | rest
+        return data
 
     @property
     def spaces(self) -> "Spaces":
@@ -161,16 +172,16 @@ def check_name(name: str) -> None:
         )
 
 
-def check_fits(card: TeacherCard, task: TaskCard, spaces: "Spaces") -> None:
-    """Check that a teacher can act in a task and be compared with it.
+def check_fits(cards: Sequence[TeacherCard], task: TaskCard, spaces: "Spaces") -> None:
+    """Check that teachers can act in a task and be compared with it.
 
     Raises:
-        TeacherMismatch: naming both sides and the teachers that fit.
+        TeacherMismatch: naming both sides, a line for each misfit, and the teachers that fit.
     """
-    problem = misfit(card, task, spaces)
-    if problem:
+    problems = [problem for card in cards if (problem := misfit(card, task, spaces))]
+    if problems:
         fit = ", ".join(fitting(task, spaces)) or "none yet"
-        raise TeacherMismatch(f"{problem}; teachers that fit: {fit}")
+        raise TeacherMismatch("\n".join(problems) + f"; teachers that fit: {fit}")
 
 
 def fitting(task: TaskCard, spaces: "Spaces") -> list[str]:

@@ -6,9 +6,9 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 from torch.testing import assert_close
 
-from repaint_cli.config import NetConfig
+from repaint_cli.config import NetConfig, PPOConfig
 from repaint_cli.learn import advantages as module
-from repaint_cli.learn.advantages import Samples, describe, gae, to_samples
+from repaint_cli.learn.advantages import Samples, describe, front, gae, to_samples, together
 from repaint_cli.learn.frames import Frames
 from repaint_cli.learn.tape import Rollout
 from repaint_cli.nets import ActorCritic
@@ -41,11 +41,15 @@ def rolled(obs, rewards, *, terminated=(), truncated=(), invalid=()):
     )
 
 
+def ppo(gamma, gae_lambda, **more):
+    return PPOConfig(gamma=gamma, gae_lambda=gae_lambda, **more)
+
+
 def one_env(column):
     return np.array(column, float).reshape(-1, 1, 1)
 
 
-def identity_critic(obs, counts):
+def critic(obs, counts):
     """V(s) is what is seen."""
     return obs[..., 0]
 
@@ -119,12 +123,12 @@ def test_what_follows_a_done_cannot_change_what_precedes_it(seed, end):
 def test_a_terminated_episode_is_worth_no_more_a_truncated_one_goes_on():
     obs, rewards = one_env([0, 0, 7]), one_env([1, 2])
     for mark, expected in (("terminated", [1.2, 2.0]), ("truncated", [1.27, 2.7])):
-        samples = to_samples(rolled(obs, rewards, **{mark: [(1, 0, 0)]}), identity_critic, 0.1, 1.0)
+        samples = to_samples(rolled(obs, rewards, **{mark: [(1, 0, 0)]}), critic, ppo(0.1, 1.0))
         assert_close(samples.advantages, torch.tensor([expected]))
 
 
 def test_the_end_of_the_rollout_bootstraps_as_a_time_limit_does():
-    samples = to_samples(rolled(one_env([0, 0, 7]), one_env([1, 2])), identity_critic, 0.1, 1.0)
+    samples = to_samples(rolled(one_env([0, 0, 7]), one_env([1, 2])), critic, ppo(0.1, 1.0))
     assert_close(samples.advantages, torch.tensor([[1.27, 2.7]]))
 
 
@@ -137,7 +141,7 @@ def test_the_step_that_resets_is_no_sample_and_joins_no_episodes(mark, first):
         **{mark: [(1, 0, 0)]},
         invalid=[(2, 0, 0)],
     )
-    samples = to_samples(rollout, identity_critic, 0.1, 1.0)
+    samples = to_samples(rollout, critic, ppo(0.1, 1.0))
     assert_close(samples.advantages, torch.tensor([[*first, 3.45, 4.5]]))
     assert samples.rewards.tolist() == [[1, 2, 3, 4]]
     assert samples.counts.tolist() == [4]
@@ -147,12 +151,12 @@ def test_an_environment_cut_off_early_bootstraps_from_what_it_saw_last():
     # two environments; the second has no place in the last step of the rollout
     obs = [[[0.0, 0.0]], [[0.0, 8.0]], [[7.0, 9.0]]]
     rollout = rolled(obs, [[[1.0, 3.0]], [[2.0, 100.0]]], invalid=[(1, 0, 1)])
-    samples = to_samples(rollout, identity_critic, 0.1, 1.0)
+    samples = to_samples(rollout, critic, ppo(0.1, 1.0))
     assert_close(samples.advantages, torch.tensor([[1.27, 3.8, 2.7]]))
 
 
 def test_returns_are_advantages_plus_values():
-    samples = to_samples(rolled(one_env([5, 6, 7]), one_env([1, 2])), identity_critic, 0.1, 1.0)
+    samples = to_samples(rolled(one_env([5, 6, 7]), one_env([1, 2])), critic, ppo(0.1, 1.0))
     assert_close(samples.returns, samples.advantages + torch.tensor([[5.0, 6.0]]))
     assert_close(samples.returns, torch.tensor([[1.27, 2.7]]))
 
@@ -161,7 +165,7 @@ def test_every_sample_keeps_what_belongs_to_it_and_seeds_may_have_unequal_number
     obs = np.arange(12.0).reshape(3, 2, 2)  # number 4t + 2s + n
     rewards = 100 + obs[:2]
     rollout = rolled(obs, rewards, invalid=[(0, 1, 0), (1, 1, 1)])
-    samples = to_samples(rollout, identity_critic, 0.9, 0.9)
+    samples = to_samples(rollout, critic, ppo(0.9, 0.9))
     assert samples.counts.tolist() == [4, 2]
     seen = samples.frames.take(samples.rows)[..., 0]
     expected = torch.tensor([[0.0, 1.0, 4.0, 5.0], [3.0, 6.0, 0, 0]])
@@ -179,10 +183,10 @@ def test_samples_of_unequal_lengths_are_refused():
 
 
 @given(seeds, st.lists(st.integers(1, 6), min_size=2, max_size=2))
-def test_keep_keeps_the_order_and_each_seeds_own_number(seed, counts):
+def test_what_is_kept_keeps_its_order_and_each_seeds_own_number(seed, counts):
     samples = samples_of(counts=counts, seed=seed)
     kept = torch.from_numpy(np.random.default_rng(seed).random((2, 6)) < 0.5)
-    found = samples.keep(kept)
+    found = samples.pick(*front(kept & samples.mask))
     for s, n in enumerate(counts):
         chosen = kept[s, :n]
         assert found.counts[s] == chosen.sum()
@@ -192,7 +196,7 @@ def test_keep_keeps_the_order_and_each_seeds_own_number(seed, counts):
 
 
 def test_keeping_nothing_leaves_nothing():
-    found = samples_of().keep(torch.zeros(2, 6, dtype=torch.bool))
+    found = samples_of().pick(*front(torch.zeros(2, 6, dtype=torch.bool)))
     assert found.counts.tolist() == [0, 0]
     assert found.mask.shape == (2, 0)
 
@@ -213,7 +217,7 @@ def test_a_network_sees_a_rollout_of_images_in_parts_and_says_the_same(monkeypat
 
     for chunk in (512, 2):
         monkeypatch.setattr(module, "CHUNK", chunk)
-        samples = to_samples(rollout, value, 0.9, 0.9)
+        samples = to_samples(rollout, value, ppo(0.9, 0.9))
         tables.append((samples, describe(student.policy, samples).log_probs))
     (whole, odds), (parts, same_odds) = tables
     assert whole.counts.tolist() == [5, 3]
@@ -221,3 +225,34 @@ def test_a_network_sees_a_rollout_of_images_in_parts_and_says_the_same(monkeypat
     assert_close(parts.returns, whole.returns)
     assert_close(same_odds[whole.mask], odds[whole.mask])
     assert not odds.requires_grad
+
+
+def test_a_time_limit_may_be_terminal():
+    rollout = rolled(one_env([0, 0, 7]), one_env([1, 2]), truncated=[(1, 0, 0)])
+    samples = to_samples(rollout, critic, ppo(0.1, 1.0, time_limit="terminal"))
+    assert_close(samples.advantages, torch.tensor([[1.2, 2.0]]))
+
+
+def test_reinforce_is_the_return_less_a_baseline():
+    rollout = rolled(one_env([5, 6, 7]), one_env([1, 2]), terminated=[(1, 0, 0)])
+    samples = to_samples(rollout, critic, ppo(0.5, 0.0, objective="reinforce"))
+    assert_close(samples.advantages, torch.tensor([[1 + 0.5 * 2 - 5, 2.0 - 6]]))
+
+
+def test_the_first_samples_of_each_seed():
+    samples = samples_of(counts=[6, 2]).first(4)
+    assert samples.counts.tolist() == [4, 2]
+    assert torch.equal(samples.rows, samples_of().rows[:, :4])
+
+
+def test_batches_together_keep_order_and_what_each_sample_saw():
+    parts = [samples_of(counts=[6, 2], seed=1), samples_of(counts=[1, 5], seed=2)]
+    whole = together(parts)
+    assert whole.counts.tolist() == [7, 7]
+    for s in range(2):
+        for name in ("actions", "advantages", "rewards"):
+            rows = [getattr(part, name)[s, : part.counts[s]] for part in parts]
+            assert torch.equal(getattr(whole, name)[s], torch.cat(rows))
+        seen = [part.frames.take(part.rows)[s, : part.counts[s]] for part in parts]
+        assert torch.equal(whole.frames.take(whole.rows)[s], torch.cat(seen))
+    assert together(parts[:1]) is parts[0]

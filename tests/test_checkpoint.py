@@ -4,7 +4,7 @@ import pytest
 import torch
 from safetensors import safe_open
 from safetensors.torch import save_file
-from tiny_learners import learner_of, stranger, with_transfer
+from tiny_learners import learner_of, stranger, taught_by, with_transfer
 from tiny_tasks import guess, reach
 
 from repaint_cli.checkpoint import (
@@ -38,7 +38,7 @@ def test_a_learner_saved_half_way_goes_on_bit_for_bit(tmp_path, make):
 
     def run(learner, n_iterations):
         task = make(n_iterations=n_iterations, select=select)
-        list(train(with_transfer(task, TransferConfig()), learner, stranger(task, 2)))
+        list(train(with_transfer(task, TransferConfig()), learner, taught_by(stranger(task, 2))))
         return learner
 
     straight = run(learner_of(make(), [3, 5]), 4)

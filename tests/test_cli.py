@@ -7,17 +7,20 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 import typer
 from rich.console import Console
-from tiny_runs import QUICK, QUICK_LAP, add_teacher, files_below
+from tiny_runs import QUICK, QUICK_LAP, add_teacher, files_below, weights_of
 
 from repaint_cli import __version__
+from repaint_cli.cards import read_task
 from repaint_cli.cli import examine, screen
 from repaint_cli.cli.app import app
 from repaint_cli.cli.options import parse_ratio, seed_list
 from repaint_cli.errors import RenderError
 from repaint_cli.learn.trainer import IterationStats
 from repaint_cli.metrics import Report
+from repaint_cli.runs import Experiment, Plan
 
 SCRATCH = ["transfer", "--task", "reacher", "--method", "scratch", *QUICK]
 
@@ -227,7 +230,7 @@ def test_compare_tells_runs_of_one_name_and_other_lengths_apart(repaint, home):
 def test_a_method_without_a_teacher_ignores_the_one_named(repaint, home):
     said = repaint(*SCRATCH, "--teacher", "nobody", "--run", "run")
     assert said.code == 0
-    assert json.loads((home / "run" / "run.json").read_text())["teacher"] is None
+    assert json.loads((home / "run" / "run.json").read_text())["teachers"] == []
 
 
 @pytest.mark.parametrize("method", ["warm-start", "kickstart", "instance", "repaint-joint"])
@@ -235,6 +238,70 @@ def test_every_method_runs(repaint, home, method):
     add_teacher(home / "home" / "zoo")
     words = ["transfer", "--task", "reacher", "--teacher", "old-hand", "--method", method]
     assert repaint(*words, *QUICK, "--run", "run").code == 0
+
+
+def test_several_teachers_of_other_networks_with_a_beta_each(repaint, home):
+    add_teacher(home / "home" / "zoo")
+    add_teacher(home / "home" / "zoo", "narrow", settings=["net.hidden=[32,32]"])
+    said = repaint(
+        "transfer", "--task", "reacher", "--teacher", "old-hand", "--teacher", "narrow", "--run",
+        "run", *QUICK, "--beta", "0.2,0.1", "--instances-from", "narrow",
+    )  # fmt: skip
+    assert said.code == 0
+    record = json.loads((home / "run" / "run.json").read_text())
+    told = [(teacher["name"], teacher["instances"]) for teacher in record["teachers"]]
+    assert told == [("old-hand", False), ("narrow", True)]
+    assert record["transfer"]["kickstart_coef"] == [0.2, 0.1]
+    assert repaint("compare", "run").code == 0
+    assert "repaint from old-hand and narrow" in repaint("compare", "run").out
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        *(["--select", rule] for rule in ("abs", "top", "per", "rbt", "all")),
+        *(["--objective", objective] for objective in ("a2c", "trpo", "reinforce")),
+        ["--preset", "coach"],
+        ["--set", "transfer.kickstart_schedule=linear", "--set", "transfer.alpha_power=0.5"],
+    ],
+    ids=" ".join,
+)
+def test_every_choice_runs(repaint, home, words):
+    add_teacher(home / "home" / "zoo")
+    command = ["transfer", "--task", "reacher", "--teacher", "old-hand", *QUICK, "--run", "run"]
+    assert repaint(*command, *words).code == 0
+
+
+def test_objectives_without_a_bound_use_each_sample_once_unless_told_otherwise(repaint, home):
+    words = [*SCRATCH[:5], "--iterations", 1, "--eval-episodes", 1, "--set", "ppo.n_steps=204"]
+    words += ["--set", "ppo.n_envs=4", "--objective", "a2c"]
+    repaint(*words, "--run", "one")
+    repaint(*words, "--run", "two", "--set", "ppo.n_epochs=3")
+    found = [json.loads((home / run / "run.json").read_text()) for run in ("one", "two")]
+    assert [record["task"]["ppo"]["n_epochs"] for record in found] == [1, 3]
+
+
+def test_a_preset_is_outranked_by_what_is_said(repaint, home):
+    said = repaint(*SCRATCH, "--preset", "coach", "--set", "ppo.vf_coef=0.25", "--run", "run")
+    assert said.code == 0
+    ppo = json.loads((home / "run" / "run.json").read_text())["task"]["ppo"]
+    assert (ppo["time_limit"], ppo["clip_decay"], ppo["vf_coef"]) == ("terminal", 488, 0.25)
+
+
+@pytest.mark.parametrize("what", ["policy", "policy+value"])
+def test_a_warm_start_may_leave_the_critic_and_set_the_spread_anew(home, what):
+    path = add_teacher(home / "home" / "zoo")
+    settings = [f"transfer.warm_start={what}", "transfer.warm_start_log_std=-0.5"]
+    card = read_task("reacher").with_settings([*settings, "ppo.n_steps=204", "ppo.n_envs=4"])
+    fresh = Experiment(Plan(card, "scratch", [0], home / "one")).learner.student.weights
+    student = Experiment(Plan(card, "warm-start", [0], home / "two", (path,))).learner.student
+    teacher = weights_of(path)
+    for name, leaf in student.weights.items():
+        if name == "policy.log_std":
+            assert (leaf == -0.5).all()
+        else:
+            taken = name.startswith("policy.") or what == "policy+value"
+            assert torch.equal(leaf[0], teacher[name][0] if taken else fresh[name][0]), name
 
 
 def test_options_reach_the_card_and_set_has_the_last_word(repaint, home):

@@ -9,7 +9,7 @@ from torch.distributions import Categorical as TorchCategorical
 from torch.distributions import Independent, Normal, kl_divergence
 from torch.testing import assert_close
 
-from repaint_cli.distributions import Categorical, Gaussian
+from repaint_cli.distributions import Categorical, Gaussian, blend, joined, side_by_side
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -153,3 +153,52 @@ def test_rows_are_picked_seed_by_seed(family):
     whole = distribution.cross_entropy(distribution)
     picked = distribution[rows].cross_entropy(distribution[rows])
     assert_close(picked, whole[rows])
+
+
+@given(seeds, st.lists(st.floats(0.01, 2), min_size=2, max_size=3))
+def test_a_blend_of_gaussians_has_the_weighted_cross_entropies_of_its_parts(seed, betas):
+    teachers = [any_gaussian(seed + i)[0] for i in range(len(betas))]
+    student = any_gaussian(seed + 7)[0]
+    whole = blend(teachers, betas).cross_entropy(student)
+    parts = sum(b * t.cross_entropy(student) for b, t in zip(betas, teachers, strict=True))
+    assert_close(sum(betas) * whole, parts, rtol=1e-4, atol=1e-4)
+
+
+@given(seeds, st.lists(st.floats(0.01, 2), min_size=2, max_size=3))
+def test_a_blend_of_categoricals_has_the_weighted_cross_entropies_of_its_parts(seed, betas):
+    teachers = [any_categorical(seed + i)[0] for i in range(len(betas))]
+    student = any_categorical(seed + 7)[0]
+    whole = blend(teachers, betas).cross_entropy(student)
+    parts = sum(b * t.cross_entropy(student) for b, t in zip(betas, teachers, strict=True))
+    assert_close(sum(betas) * whole, parts, rtol=1e-4, atol=1e-4)
+
+
+def test_a_blend_of_two_gaussians_by_hand():
+    # means ±1 with equal weights and σ = 1: variance 1 + 1
+    found = blend([gaussian([1.0], [1.0]), gaussian([-1.0], [1.0])], [0.3, 0.3])
+    assert_close(found.mean, torch.zeros(1, 1, 1))
+    assert_close(found.log_std.exp(), torch.full((1, 1, 1), sqrt(2)))
+
+
+@pytest.mark.parametrize("make", [any_gaussian, any_categorical])
+def test_a_blend_of_one_is_itself(make):
+    teacher = make(0)[0]
+    assert blend([teacher], [0.2]) is teacher
+
+
+@pytest.mark.parametrize("make", [any_gaussian, any_categorical])
+def test_policies_side_by_side_keep_their_own_samples_and_spreads(make):
+    first, second = make(0)[0], make(1)[0]
+    whole, noise = side_by_side([first, second]), torch.rand(2, 6, first.n_actions)
+    parts = [first.sample(noise[:, :3]), second.sample(noise[:, 3:])]
+    assert_close(whole.sample(noise), torch.cat(parts, 1))
+    rows = (torch.arange(2)[:, None], torch.tensor([[5, 0], [3, 2]]))
+    assert_close(
+        whole[rows].sample(noise[:, :2])[0, 0],
+        second[rows[0], rows[1] - 3].sample(noise[:, :2])[0, 0],
+    )
+
+
+def test_one_policy_joined_keeps_one_spread():
+    first = any_gaussian(0)[0]
+    assert joined([first, first]).log_std.shape == (2, 1, 4)

@@ -75,6 +75,8 @@ NAMES = [
     (["compare", "nowhere"], "expected a run's folder with run.json, found none at nowhere"),
     (["tasks", "show", "qqq"], "unknown task 'qqq'; see: repaint tasks list"),
     (["zoo", "show", "qqq"], "unknown teacher 'qqq'; see: repaint zoo list"),
+    ([*TRANSFER, "--preset", "coatch"],
+     "unknown preset 'coatch'; did you mean coach"),
     (["zoo", "verify", "qqq"], "unknown teacher 'qqq'; see: repaint zoo list"),
 ]  # fmt: skip
 
@@ -141,6 +143,25 @@ SETTINGS += [
     )
 ]  # fmt: skip
 SETTINGS += [
+    ([*TRANSFER, "--beta", "0.2,x"], "expected --beta as a number, or one for each teacher"),
+    ([*TRANSFER, "--beta", "0.2,0.1"],
+     "expected one --beta, or one for each of 1 teachers, found 2"),
+    ([*TRANSFER, "--beta", "0.2,-1"], "transfer.kickstart_coef.*: .*greater than .*, found -1"),
+    ([*TRANSFER, "--select", "best"], "select.rule: .*'zeta', 'abs', 'top', .*found 'best'"),
+    ([*TRANSFER, "--objective", "ppo"], "ppo.objective: .*'clipped', 'a2c', .*found 'ppo'"),
+    ([*TRANSFER, "--instances-from", "narrow"],
+     "expected --instances-from one of old-hand, found 'narrow'"),
+    ([*TRANSFER, "--teacher", "narrow", "--method", "warm-start"],
+     "expected one --teacher to warm-start from, found 2"),
+    ([*TRANSFER, "--set", "transfer.kickstart_schedule=steep"],
+     "transfer.kickstart_schedule: .*'geometric', 'linear', .*found 'steep'"),
+    (["transfer", "--task", "racer-inner", "--teacher", "racer-inner", "--teacher", "racer-outer",
+      "--teacher", "racer-inner"], "expected transfer.teacher_episodes of at least 3, .*found 2"),
+    (["transfer", "--task", "racer-inner", "--teacher", "racer-inner", "--select", "rbt"],
+     "expected vectors to observe with --select rbt, found 120×160×1 observations"),
+    (["transfer", "--task", "racer-outer", "--teacher", "racer-inner", "--method", "warm-start",
+      "--set", "transfer.warm_start_log_std=0"],
+     "transfer.warm_start_log_std is for continuous actions; leave it out"),
     ([*TRANSFER, "--threshold", "nan"], "select.threshold: .*finite number, found nan"),
     ([*TRANSFER, "--seeds", 0], "--seeds of at least 1 and --seed of at least 0, found 0 and 0"),
     ([*TRANSFER, "--seed", -1], "--seeds of at least 1 and --seed of at least 0, found 1 and -1"),
@@ -167,7 +188,9 @@ MISFITS = [
     (["eval", "stranger", "--task", "reacher"], BOTH),
     ([*TRANSFER, "--teacher", "runner"],
      "'runner' knows the reward terms reward_dist, reward_ctrl, run, task 'reacher' has"),
-    ([*TRANSFER, "--teacher", "narrow", "--method", "warm-start"],
+    ([*TRANSFER, "--teacher", "runner", "--method", "kickstart", "--beta", "1,1"],
+     "'runner' knows the reward terms"),
+    (["transfer", "--task", "reacher", "--teacher", "narrow", "--method", "warm-start"],
      r"a warm start needs equal networks: teacher 'narrow': leaf 'policy.0.weight' is \(10, 32\) "
      r"float32 in the file, \(10, 64\) float32 in the network"),
 ]  # fmt: skip
@@ -176,6 +199,15 @@ MISFITS = [
 @pytest.mark.parametrize(("words", "message"), MISFITS, ids=lambda x: "")
 def test_teachers_and_tasks_that_do_not_fit(repaint, home, zoo, words, message):
     check(repaint, home, words, MISMATCH, message)
+
+
+def test_each_misfit_has_a_line(repaint, home, zoo):
+    said = repaint(*TRANSFER, "--teacher", "stranger", "--teacher", "runner")
+    first, second = said.err.splitlines()
+    assert first == "error: teacher " + BOTH.partition(";")[0]
+    assert "'runner' knows the reward terms" in second
+    assert "; teachers that fit: narrow, old-hand, " in second
+    assert said.code == MISMATCH
 
 
 def test_a_run_and_a_task_that_do_not_fit(repaint, home):

@@ -8,7 +8,7 @@ import pytest
 from repaint_cli.paths import PACKAGE
 
 FLOORS = [
-    {"repaint_cli", "errors", "paths", "config", "kernels"},
+    {"repaint_cli", "errors", "paths", "config", "kernels", "presets"},
     {
         "deepracer",
         "files",
@@ -25,6 +25,7 @@ FLOORS = [
     {"evaluate", "checkpoint", "history"},
     {"zoo", "metrics", "traces"},
     {"simtrace"},
+    {"teaching"},
     {"runs"},
     {"report"},
     {"cli"},
@@ -32,7 +33,16 @@ FLOORS = [
 ]
 """From the cellar up: packages, or modules that live on another floor than their package."""
 
-KNOW_TORCH = {"distributions", "normalizer", "nets", "learn", "checkpoint", "runs", "report"}
+KNOW_TORCH = {
+    "distributions",
+    "normalizer",
+    "nets",
+    "learn",
+    "checkpoint",
+    "teaching",
+    "runs",
+    "report",
+}
 """All others leave it out, so that `repaint --help` and `repaint similarity` are quick."""
 
 KNOW_NO_FILES = {"envs", "learn", "distributions", "normalizer", "nets", "report.statistics"}

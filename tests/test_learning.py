@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from tiny_learners import learner_of, with_transfer
+from tiny_learners import learner_of, taught_by, with_transfer
 from tiny_tasks import reach
 
 from repaint_cli import checkpoint
@@ -30,7 +30,7 @@ def learned(n_iterations, seeds=SEEDS, teacher=None, transfer=TRANSFER, **weight
     task = reach(n_iterations=n_iterations, **LONG, **weights)
     learner = learner_of(task, seeds)
     stats, returns = [], [evaluate(learner.student, task, seeds, 10).returns.mean(1)]
-    for stat in train(with_transfer(task, transfer), learner, teacher):
+    for stat in train(with_transfer(task, transfer), learner, taught_by(teacher)):
         stats.append(stat)
         returns.append(evaluate(learner.student, task, seeds, 10).returns.mean(1))
     return learner.student, stats, np.array(returns)

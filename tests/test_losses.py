@@ -6,7 +6,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from torch.testing import assert_close
 
-from repaint_cli.learn.losses import approx_kl, clipped_surrogate, squared_error
+from repaint_cli.learn.losses import (
+    approx_kl,
+    clipped_surrogate,
+    log_likelihood,
+    penalized_surrogate,
+    squared_error,
+)
 
 
 @pytest.mark.parametrize(
@@ -55,3 +61,39 @@ def test_approx_kl_is_the_divergence_in_the_mean():
 def test_approx_kl_is_never_negative(log_ratio):
     found = approx_kl(torch.tensor([[log_ratio]], dtype=torch.float64), torch.zeros(1, 1))
     assert found.item() >= -1e-15
+
+
+def test_log_likelihood_by_hand():
+    log_probs = torch.tensor([[-2.0, -0.5]], requires_grad=True)
+    found = log_likelihood(log_probs, torch.tensor([[3.0, -4.0]]))
+    found.sum().backward()
+    assert_close(found.detach(), torch.tensor([[6.0, -2.0]]))
+    assert_close(log_probs.grad, torch.tensor([[-3.0, 4.0]]))
+
+
+def test_penalized_surrogate_by_hand():
+    behavior = torch.tensor([[-2.0]])
+    log_probs = torch.tensor([[-2.0 + log(1.5)]], requires_grad=True)
+    found = penalized_surrogate(
+        log_probs, behavior, torch.tensor([[3.0]]), torch.tensor([[0.25]]), kl_coef=2.0
+    )
+    found.sum().backward()
+    assert_close(found.detach(), torch.tensor([[-4.5 + 0.5]]))
+    assert_close(log_probs.grad, torch.tensor([[-4.5]]))  # unclipped, unlike PPO's
+
+
+def test_where_nothing_has_moved_all_objectives_have_one_slope():
+    advantages, behavior = torch.tensor([[3.0, -1.0]]), torch.tensor([[-2.0, -0.3]])
+    slopes = []
+    for loss in (
+        lambda log_probs: clipped_surrogate(log_probs, behavior, advantages, 0.2),
+        lambda log_probs: log_likelihood(log_probs, advantages),
+        lambda log_probs: penalized_surrogate(
+            log_probs, behavior, advantages, torch.zeros(1, 2), 1.0
+        ),
+    ):
+        log_probs = behavior.clone().requires_grad_()
+        loss(log_probs).sum().backward()
+        slopes.append(log_probs.grad)
+    assert_close(slopes[0], slopes[1])
+    assert_close(slopes[0], slopes[2])

@@ -289,3 +289,20 @@ def test_time_limits_truncate_and_steps_are_counted():
     assert_array_equal(rollout.valid.sum((0, 2)), 72)
     assert_array_equal(rollout.episodes()[2], 8)
     assert len(rollout.episodes()[0]) == 16
+
+
+def test_whole_episodes_are_played_out_and_none_begins_once_there_is_enough():
+    # environment 0 ends after steps 2 and 5, environment 1 after step 4
+    ends = [(1, 0), (4, 0), (3, 1)]
+    env, first = scripted(counting(8, 2), np.ones((8, 2)), ends)
+    rollout = collect(env, first, gaussian(), generators(1), n_steps=6, whole=True)
+    # six are there after the fourth step, while environment 0 is in its second episode
+    assert rollout.valid[:, 0, 0].tolist() == [True, True, False, True, True]
+    assert rollout.valid[:, 0, 1].tolist() == [True, True, True, True, False]
+    assert rollout.episodes()[2].tolist() == [2, 4, 2]
+
+
+def test_an_environment_that_has_just_begun_again_does_not_start_an_episode_it_need_not():
+    env, first = scripted(counting(8, 2), np.ones((8, 2)), [(1, 0), (2, 1), (5, 0), (6, 1)])
+    rollout = collect(env, first, gaussian(), generators(1), n_steps=5, whole=True)
+    assert rollout.valid[:, 0].sum(0).tolist() == [2, 3]

@@ -68,7 +68,9 @@ def test_a_transfer_writes_all_it_says_and_says_all_it_writes(repaint, home):
     assert said.out.splitlines()[-1] == f"next: repaint eval {folder} --render-offscreen"
 
     record = record_of(folder)
-    assert record["teacher"] == {"name": "old-hand", "sha256": sha256(teacher)}
+    assert record["teachers"] == [
+        {"name": "old-hand", "sha256": sha256(teacher), "instances": True}
+    ]
     assert record["seeds"] == [5, 6]
     assert (record["state"], record["iterations"]) == ("finished", 2)
     assert record["versions"]["torch"] == torch.__version__
@@ -113,14 +115,14 @@ def test_train_teacher_keeps_the_best_evaluated_policy_with_its_score(repaint, h
     assert str(card.env_steps) == best["env_steps"]
     assert card.score.episodes == 100
     assert card.score.low < card.score.mean < card.score.high
-    assert card.parent is None
+    assert card.parents == ()
 
 
 def test_a_students_file_names_its_teachers_hash_and_is_a_teacher(repaint, home):
     teacher = add_teacher(home / "home" / "zoo")
     repaint("transfer", "--teacher", "old-hand", "--task", "reacher", "--run", "run", *QUICK)
     student = home / "run" / "seed-0.safetensors"
-    assert runs.zoo.read_card(student).parent == sha256(teacher)
+    assert runs.zoo.read_card(student).parents == (sha256(teacher),)
     said = repaint("transfer", "--teacher", student, "--task", "reacher", "--run", "next", *QUICK)
     assert said.code == 0
 

@@ -1,10 +1,10 @@
 import pytest
 
-from repaint_cli.config import TransferConfig
-from repaint_cli.learn.schedules import kickstart_coef, phase
+from repaint_cli.config import PPOConfig, SelectConfig, TransferConfig
+from repaint_cli.learn.schedules import alphas, kickstart_coefs, phase, ppo, threshold
 from repaint_cli.methods import METHODS
 
-LETTERS = {"ppo": "p", "representation": "R", "instance": "I", "joint": "J"}
+LETTERS = {"ppo": "p", "critic": "c", "representation": "R", "instance": "I", "joint": "J"}
 
 
 def phases(n, **settings):
@@ -50,12 +50,74 @@ def test_each_method_is_its_phases(method, expected):
     assert phases(4, **transfer.model_dump()) == expected
 
 
+def betas(n, n_teachers=1, **settings):
+    transfer = TransferConfig(**settings)
+    rows = [kickstart_coefs(k, transfer, n_teachers) for k in range(1, n + 1)]
+    return [beta for (beta,) in rows] if n_teachers == 1 else rows
+
+
 def test_beta_starts_at_beta_0_decays_each_iteration_and_ends_with_the_transfer():
-    transfer = TransferConfig(iterations=3, kickstart_coef=0.2, kickstart_decay=0.5)
-    betas = [kickstart_coef(k, transfer) for k in range(1, 6)]
-    assert betas == pytest.approx([0.2, 0.1, 0.05, 0, 0])
+    found = betas(5, iterations=3, kickstart_coef=0.2, kickstart_decay=0.5)
+    assert found == pytest.approx([0.2, 0.1, 0.05, 0, 0])
 
 
 def test_beta_decays_in_instance_iterations_too():
     # the paper's 15 Reacher iterations: 0.2·0.95¹⁴, although only 8 of them use β
-    assert kickstart_coef(15, TransferConfig()) == pytest.approx(0.0975, abs=1e-4)
+    assert betas(15)[14] == pytest.approx(0.0975, abs=1e-4)
+
+
+def test_beta_may_decay_with_representation_iterations_alone():
+    settings = {"iterations": 6, "kickstart_decay": 0.5, "kickstart_counts": "representation"}
+    # R I R I R I: one, one, two, two, three iterations of representation before
+    assert betas(6, **settings) == pytest.approx([0.2, 0.1, 0.1, 0.05, 0.05, 0.025])
+    assert betas(15, kickstart_counts="representation")[14] == pytest.approx(0.1397, abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("schedule", "expected"),
+    [
+        ("geometric", [0.4, 0.2, 0.1, 0.05, 0]),
+        ("linear", [0.4, 0.3, 0.2, 0.1, 0]),
+        ("constant", [0.4, 0.4, 0.4, 0.4, 0]),
+        ("stepwise", [0.4, 0.4, 0.2, 0.2, 0]),
+    ],
+)
+def test_schedules_of_beta_by_hand(schedule, expected):
+    settings = {"iterations": 4, "kickstart_coef": 0.4, "kickstart_decay": 0.5}
+    found = betas(5, kickstart_schedule=schedule, kickstart_every=2, **settings)
+    assert found == pytest.approx(expected)
+
+
+def test_teachers_share_one_beta_evenly_or_have_one_each():
+    one = betas(2, 2, kickstart_coef=0.2, kickstart_decay=0.5)
+    assert one == [pytest.approx((0.1, 0.1)), pytest.approx((0.05, 0.05))]
+    each = betas(2, 2, kickstart_coef=(0.2, 0.1), kickstart_decay=0.5)
+    assert each == [pytest.approx((0.2, 0.1)), pytest.approx((0.1, 0.05))]
+
+
+def test_zeta_moves_in_a_straight_line_to_its_last_value_at_k():
+    transfer, select = TransferConfig(iterations=5), SelectConfig(threshold=0.8, last_threshold=0)
+    found = [threshold(k, select, transfer) for k in range(1, 6)]
+    assert found == pytest.approx([0.8, 0.6, 0.4, 0.2, 0])
+    assert threshold(4, SelectConfig(threshold=0.8), transfer) == 0.8
+    assert threshold(1, select, TransferConfig(iterations=1)) == 0.8
+
+
+def test_both_alphas_follow_the_power_law_and_their_quotient_stays():
+    transfer = TransferConfig(iterations=9, alpha_1=2, alpha_2=1, alpha_power=0.5)
+    assert alphas(1, transfer) == (2, 1)
+    assert alphas(4, transfer) == (1, 0.5)
+    assert alphas(10, transfer)[0] == 1  # what remains is PPO
+
+
+def test_clip_range_and_learning_rate_fall_to_nothing_where_asked():
+    config = PPOConfig(clip_range=0.2, clip_decay=4, learning_rate=1.0, learning_rate_decay=2)
+    found = [ppo(k, config) for k in range(1, 6)]
+    assert [now.clip_range for now in found] == pytest.approx([0.2, 0.15, 0.1, 0.05, 0])
+    assert [now.learning_rate for now in found] == pytest.approx([1, 0.5, 0, 0, 0])
+    assert ppo(99, PPOConfig()) == PPOConfig()
+
+
+def test_the_critic_may_learn_alone_before_the_rounds_begin():
+    assert phases(8, iterations=6, critic_warmup=2) == "ccRIRIpp"
+    assert phases(4, iterations=1, critic_warmup=3) == "cccp"

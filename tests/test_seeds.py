@@ -93,6 +93,6 @@ def test_methods_meet_the_same_evaluation_episodes():
 def test_evaluating_in_between_changes_no_bit_of_training():
     task = reach(n_iterations=3)
     watched = learner_of(task, [0])
-    for stat in train(with_transfer(task, TransferConfig()), watched, None):
+    for stat in train(with_transfer(task, TransferConfig()), watched):
         evaluate(watched.student, task, [0], 4, stat.iteration)
     assert_array_equal(watched.student.storage, trained(task, [0])[0].student.storage)

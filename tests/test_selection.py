@@ -5,9 +5,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 from torch.testing import assert_close
 
+from repaint_cli.config import SelectConfig
 from repaint_cli.learn.advantages import Samples
 from repaint_cli.learn.frames import Frames
-from repaint_cli.learn.selection import above_threshold, moments, rescale, standardize
+from repaint_cli.learn.selection import (
+    above_threshold,
+    drawn,
+    moments,
+    prioritized,
+    rescale,
+    select,
+    standardize,
+)
 
 NAN = float("nan")
 numbers = st.floats(-100, 100, width=32)
@@ -73,3 +82,86 @@ def test_a_higher_threshold_keeps_a_subset(advantages, one, other):
     low, high = sorted((one, other))
     kept = {zeta: above_threshold(torch.tensor([advantages]), zeta) for zeta in (low, high)}
     assert (kept[low] | ~kept[high]).all()
+
+
+def kept(rule, *advantages, threshold=0.5, **settings):
+    """The advantages a rule keeps, one list per seed."""
+    samples, config = batch(*advantages), SelectConfig(rule=rule, **settings)
+    rngs = [np.random.default_rng(s) for s in range(len(advantages))]
+    chosen = select(samples, config, threshold, rngs)
+    found = chosen.of(samples)
+    return [row[:n].tolist() for row, n in zip(found.advantages, found.counts, strict=True)]
+
+
+@pytest.mark.parametrize(
+    ("rule", "expected"),
+    [
+        ("zeta", [[0.5, 2.0], []]),
+        ("abs", [[-3.0, 0.5, 2.0], [-1.0]]),
+        ("top", [[2.0, 0.5], [0.0]]),
+        ("all", [[-3.0, 0.5, 2.0, 0.25], [-1.0, 0.0]]),
+    ],
+)
+def test_rules_by_hand(rule, expected):
+    found = kept(rule, [-3.0, 0.5, 2.0, 0.25], [-1.0, 0.0], share=0.5)
+    assert [sorted(row) for row in found] == [sorted(row) for row in expected]
+
+
+@given(st.lists(numbers, min_size=1, max_size=40), st.floats(0.01, 1))
+def test_top_keeps_its_share_and_nothing_left_out_is_higher(advantages, share):
+    (found,) = kept("top", advantages, [0.0], share=share)[:1]
+    assert len(found) == max(1, int(np.ceil(share * len(advantages) - 1e-9)))
+    rest = sorted(np.float32(advantages))[: len(advantages) - len(found)]
+    assert not rest or max(rest) <= min(found)
+
+
+def test_a_fifth_of_five_is_one():
+    assert kept("top", [1.0, 2.0, 3.0, 4.0, 5.0], share=0.2) == [[5.0]]
+
+
+def test_priorities_draw_by_size_and_weights_make_up_for_it():
+    # p = 1, 3: chances ¼, ¾; with β = 1 weights (1 / ½, 1 / 1.5) over their largest: 1, ⅓
+    config = SelectConfig(rule="per", share=1.0, priority_exponent=1.0, importance_exponent=1.0)
+    samples, picks, rng = batch([1.0, -3.0]), [], np.random.default_rng(0)
+    for _ in range(2000):
+        chosen = prioritized(samples, config, [rng])
+        picks += chosen.positions[0].tolist()
+        for position, weight in zip(chosen.positions[0], chosen.weights[0], strict=True):
+            assert weight == pytest.approx([1.0, 1 / 3][position], rel=1e-5)
+    assert np.mean(picks) == pytest.approx(0.75, abs=0.03)
+
+
+def test_a_weight_scales_the_instance_loss_of_its_sample():
+    config = SelectConfig(rule="per", share=1.0, priority_exponent=1.0, importance_exponent=1.0)
+    samples = batch([1.0, -3.0])
+    chosen = prioritized(samples, config, [np.random.default_rng(0)])
+    assert_close(chosen.of(samples).advantages[0].abs(), torch.ones(2))  # 1·1 and ⅓·3
+
+
+def test_alpha_0_draws_all_alike_and_beta_0_weighs_all_alike():
+    config = SelectConfig(rule="per", share=1.0, priority_exponent=0.0, importance_exponent=0.0)
+    samples = batch([100.0, *[0.001] * 9])
+    chosen = prioritized(samples, config, [np.random.default_rng(0)])
+    assert sorted(chosen.positions[0].tolist()) == list(range(10))  # a stratum each
+    assert_close(chosen.weights, torch.ones(1, 10))
+
+
+def test_padding_is_never_drawn():
+    config = SelectConfig(rule="per", share=1.0)
+    chosen = prioritized(
+        batch([1.0] * 9, [2.0]), config, [np.random.default_rng(s) for s in (0, 1)]
+    )
+    assert chosen.counts.tolist() == [9, 1]
+    assert chosen.positions[1, 0] == 0
+
+
+@given(st.lists(st.floats(0, 1), min_size=1, max_size=20), st.integers(1, 50), st.integers(0, 9))
+def test_what_has_no_chance_is_not_drawn_and_each_gets_its_due(chances, n, seed):
+    heap = np.array([*chances, 1.0])
+    (row,), _ = drawn(
+        torch.from_numpy(heap)[None], torch.tensor([n]), [np.random.default_rng(seed)]
+    )
+    times = np.bincount(row, minlength=len(heap))
+    due = n * heap / heap.sum()
+    assert not times[heap == 0].any()
+    assert (np.abs(times - due) < 2).all()  # strata

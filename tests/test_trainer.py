@@ -3,16 +3,27 @@ from itertools import pairwise
 import numpy as np
 import pytest
 import torch
-from tiny_learners import learner_of, spaces_of, stranger, trained, transferring, with_transfer
+from tiny_learners import (
+    learner_of,
+    spaces_of,
+    stranger,
+    taught_by,
+    trained,
+    transferring,
+    with_transfer,
+)
 from tiny_tasks import guess, reach
 from torch.testing import assert_close
 
 from repaint_cli.config import TransferConfig
 from repaint_cli.errors import CardError, DivergedError
-from repaint_cli.learn import trainer, update
+from repaint_cli.learn import learner as learner_module
+from repaint_cli.learn import teachers as teachers_module
+from repaint_cli.learn import update
 from repaint_cli.learn.advantages import describe, to_samples
 from repaint_cli.learn.selection import moments
-from repaint_cli.learn.trainer import soften, train, transfer_instances
+from repaint_cli.learn.teachers import soften, transfer_instances
+from repaint_cli.learn.trainer import train
 from repaint_cli.methods import METHODS
 from repaint_cli.nets import ActorCritic
 
@@ -45,7 +56,7 @@ def stages(task, seeds=(0, 1), teacher=None, **transfer):
     """The learner at the start and after each iteration, and what was yielded."""
     learner = learner_of(task, seeds)
     states, stats = [whole(learner)], []
-    for stat in train(with_transfer(task, transferring(**transfer)), learner, teacher):
+    for stat in train(with_transfer(task, transferring(**transfer)), learner, taught_by(teacher)):
         states.append(whole(learner))
         stats.append(stat)
     return states, stats
@@ -101,7 +112,7 @@ def test_after_k_iterations_the_teacher_is_not_asked(joint):
     task, teacher = reach(n_iterations=4), stranger(reach())
     learner, phases = learner_of(task, [0]), []
     for stat in train(
-        with_transfer(task, transferring(iterations=2, joint=joint)), learner, teacher
+        with_transfer(task, transferring(iterations=2, joint=joint)), learner, taught_by(teacher)
     ):
         phases.append(stat.phase)
         if stat.iteration == 2:
@@ -182,7 +193,8 @@ def test_training_in_two_sittings_is_training_in_one(make):
     once, _ = trained(make(n_iterations=4), teacher=teacher)
     twice = learner_of(make(), [0])
     for n_iterations, expected in ((2, [1, 2]), (4, [3, 4])):
-        sitting = train(with_transfer(make(n_iterations=n_iterations), transfer), twice, teacher)
+        task = with_transfer(make(n_iterations=n_iterations), transfer)
+        sitting = train(task, twice, taught_by(teacher))
         assert [stat.iteration for stat in sitting] == expected
     assert same(whole(once), whole(twice))
 
@@ -200,33 +212,33 @@ def test_a_joint_iteration_learns_from_what_it_kept(batches_of):
 @pytest.fixture
 def collected(monkeypatch):
     """Have every rollout of the trainer noted."""
-    rollouts, collect = [], trainer.collect
+    rollouts, collect = [], learner_module.collect
 
     def spy(*args, **kwargs):
         rollouts.append(collect(*args, **kwargs))
         return rollouts[-1]
 
-    monkeypatch.setattr(trainer, "collect", spy)
+    monkeypatch.setattr(learner_module, "collect", spy)
     return rollouts
 
 
 def test_the_critic_that_judges_the_teacher_has_judged_the_students_batch_too(collected):
     task = reach(n_iterations=1, learning_rate=0.05, select=keeps(0.5, "student-batch"))
     learner, _ = trained(task, teacher=stranger(task))
-    anew = to_samples(collected[0], learner.student.value, task.ppo.gamma, task.ppo.gae_lambda)
+    anew = to_samples(collected[0], learner.student.value, task.ppo)
     assert_close(learner.last_moments, moments(anew))
-    stale = to_samples(collected[0], learner_of(task, [0]).student.value, 0.99, 0.95)
+    stale = to_samples(collected[0], learner_of(task, [0]).student.value, task.ppo)
     assert abs(learner.last_moments[0] - moments(stale)[0]) > 0.1
 
 
 def test_a_joint_iteration_judges_the_teacher_against_the_students_own_batch(monkeypatch):
-    task, scales, rescale = reach(n_iterations=1), [], trainer.rescale
+    task, scales, rescale = reach(n_iterations=1), [], teachers_module.rescale
 
     def spy(samples, scale, student):
         scales.append(student)
         return rescale(samples, scale, student)
 
-    monkeypatch.setattr(trainer, "rescale", spy)
+    monkeypatch.setattr(teachers_module, "rescale", spy)
     _, (stat,) = trained(task, teacher=stranger(task), joint=True)
     assert scales[0][0] != 0
     assert scales[0][1] != 1
@@ -252,7 +264,7 @@ def test_alphas_scale_the_learning_rates_of_their_own_iterations_until_k():
         train(
             with_transfer(task, TransferConfig(iterations=3, alpha_1=3, alpha_2=5)),
             learner,
-            stranger(task),
+            taught_by(stranger(task)),
         )
     )
     assert scales == [3, 5, 3, 1]
@@ -281,8 +293,10 @@ def test_the_first_ratio_is_one_and_advantages_have_mean_0_and_std_1(batches_of)
 
 
 def instances_of(task, teacher, learner=None, **transfer):
-    guide = soften(teacher, TransferConfig(**transfer))
-    return *transfer_instances(task, learner or learner_of(task, [0]), guide, 2), guide
+    task = with_transfer(task, TransferConfig(**transfer))
+    learner = learner or learner_of(task, [0])
+    found = transfer_instances(task, learner, taught_by(teacher), 2)
+    return *found, soften(teacher, task.transfer)
 
 
 @pytest.mark.parametrize(
@@ -366,7 +380,7 @@ def test_the_students_batch_is_the_scale_where_the_card_says_so():
 def test_the_moments_remembered_are_those_of_the_students_last_own_batch():
     task = reach(n_iterations=2, select=keeps(EVERYTHING))
     learner = learner_of(task, [0])
-    training = train(with_transfer(task, TransferConfig()), learner, stranger(task))
+    training = train(with_transfer(task, TransferConfig()), learner, taught_by(stranger(task)))
     remembered = [torch.cat(learner.last_moments) for _ in training]
     assert torch.equal(remembered[0], remembered[1])
     assert not torch.equal(remembered[0], torch.tensor([[0.0], [1.0]]))
@@ -396,7 +410,7 @@ def test_a_constant_critic_explains_nothing():
     task = guess(n_iterations=1, gamma=1e-6, gae_lambda=0.0, learning_rate=1e-12)
     learner = learner_of(task, [0])
     learner.student.weights["value.head.weight"].data.zero_()
-    (stat,) = train(with_transfer(task, TransferConfig()), learner, None)
+    (stat,) = train(with_transfer(task, TransferConfig()), learner)
     assert stat.numbers["explained_variance"] == pytest.approx(0, abs=1e-4)
 
 
@@ -406,7 +420,7 @@ def test_teacher_episodes_are_a_number_of_their_own():
     steps = []
     for episodes in (1, 3):
         teach = task.with_settings([f"transfer.teacher_episodes={episodes}"])
-        transfer_instances(teach, learner, soften(stranger(task), TransferConfig()), 2)
+        transfer_instances(teach, learner, taught_by(stranger(task)), 2)
         steps.append(int(learner.env_steps[0]))
     assert steps[1] - steps[0] > steps[0]
 
@@ -414,7 +428,7 @@ def test_teacher_episodes_are_a_number_of_their_own():
 def test_a_rollout_in_which_no_episode_can_end_is_refused():
     task = reach(n_steps=32, n_envs=4)
     with pytest.raises(CardError, match=r"at least 9 .* found 32 / 4; try --set ppo.n_envs=3"):
-        next(train(with_transfer(task, TransferConfig()), learner_of(task, [0]), None))
+        next(train(with_transfer(task, TransferConfig()), learner_of(task, [0])))
 
 
 def test_weights_that_are_not_finite_name_their_seed():
@@ -422,7 +436,7 @@ def test_weights_that_are_not_finite_name_their_seed():
     learner = learner_of(task, [4, 7])
     learner.optimizer.step = lambda *args: learner.student.storage[1].fill_(float("inf"))
     with pytest.raises(DivergedError, match=r"iteration 1, seed 7: .* weights"):
-        next(train(with_transfer(task, TransferConfig()), learner, None))
+        next(train(with_transfer(task, TransferConfig()), learner))
 
 
 def test_spaces_are_those_of_the_card():

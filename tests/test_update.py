@@ -12,19 +12,11 @@ from repaint_cli.config import NetConfig, PPOConfig
 from repaint_cli.distributions import Gaussian
 from repaint_cli.errors import DivergedError
 from repaint_cli.learn import update
-from repaint_cli.learn.advantages import Samples
+from repaint_cli.learn.advantages import Samples, front
 from repaint_cli.learn.frames import Frames
+from repaint_cli.learn.objectives import instance_loss, masked_mean, representation_loss
 from repaint_cli.learn.optimizer import RowAdam
-from repaint_cli.learn.update import (
-    Means,
-    instance_loss,
-    learn_from_instances,
-    learn_on_policy,
-    masked_mean,
-    part,
-    representation_loss,
-    shuffle,
-)
+from repaint_cli.learn.update import Means, learn_from_instances, learn_on_policy, part, shuffle
 from repaint_cli.nets import ActorCritic
 from repaint_cli.spaces import Spaces
 
@@ -429,7 +421,7 @@ def test_what_a_seed_learns_jointly_does_not_depend_on_what_its_neighbour_kept()
         student = drawn(2)
         learn_on_policy(
             student, optimizer_of(student), samples_of(6, 6), PPO, generators(2),
-            instances=samples_of(0, 5).keep(torch.arange(5) < torch.tensor(kept)[:, None]),
+            instances=samples_of(0, 5).pick(*front(torch.arange(5) < torch.tensor(kept)[:, None])),
             alpha_1=0.01,
         )  # fmt: skip
         ends.append(student.storage[0].clone())

@@ -86,14 +86,14 @@ def test_a_teacher_of_other_spaces_is_refused_with_both_and_who_fits(folder):
         "10 observations and 2 continuous actions; teachers that fit: .*fits"
     )
     with pytest.raises(TeacherMismatch, match=message):
-        zoo.check_fits(zoo.read_card(small), read_task("reacher"), REACHER)
+        zoo.check_fits([zoo.read_card(small)], read_task("reacher"), REACHER)
 
 
 def test_a_teacher_of_other_reward_terms_is_refused(folder):
     path = add_teacher(folder, "run", settings=["reward.run=1"])
     message = "'run' knows the reward terms reward_dist, reward_ctrl, run, task 'reacher' has"
     with pytest.raises(TeacherMismatch, match=message):
-        zoo.check_fits(zoo.read_card(path), read_task("reacher"), REACHER)
+        zoo.check_fits([zoo.read_card(path)], read_task("reacher"), REACHER)
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,9 @@ import numpy as np
 import torch
 
 from repaint_cli.config import TransferConfig
-from repaint_cli.learn.trainer import Learner, train
+from repaint_cli.learn.learner import Learner
+from repaint_cli.learn.teachers import Teacher
+from repaint_cli.learn.trainer import train
 from repaint_cli.nets import ActorCritic
 from repaint_cli.spaces import Spaces
 
@@ -40,7 +42,12 @@ def stranger(task, n_seeds=1, seed=99):
     return teacher
 
 
+def taught_by(*networks, **known):
+    """Teachers with these policies; None among them is nobody."""
+    return [Teacher(network, **known) for network in networks if network]
+
+
 def trained(task, seeds=(0,), teacher=None, **transfer):
     """Train to the end; return the learner and what was yielded."""
-    learner = learner_of(task, seeds)
-    return learner, list(train(with_transfer(task, transferring(**transfer)), learner, teacher))
+    learner, task = learner_of(task, seeds), with_transfer(task, transferring(**transfer))
+    return learner, list(train(task, learner, taught_by(teacher)))

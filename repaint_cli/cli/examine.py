@@ -66,7 +66,7 @@ def subject(what: str | None, task: str | None, root: Path) -> Subject:
     path = zoo.find(str(what))
     network, teacher = zoo.load_teacher(path)
     if card:
-        zoo.check_fits(teacher, card, spaces_of(card))
+        zoo.check_fits([teacher], card, spaces_of(card))
     if teacher.task.reward_code and not card:
         code = teacher.task.reward_code.name
         raise CardError(

@@ -7,6 +7,7 @@ import typer
 
 from repaint_cli.errors import CardError, NotFound
 from repaint_cli.methods import METHODS
+from repaint_cli.presets import PRESETS
 
 if TYPE_CHECKING:
     from repaint_cli.tasks import TaskCard
@@ -30,6 +31,10 @@ Set = Annotated[
         help="Any other setting, as section.key=value (repaint tasks show TASK).",
     ),
 ]
+Preset = Annotated[
+    str | None,
+    typer.Option(help="Choices with a name; coach: the paper's framework's. Others outrank it."),
+]
 RunFolder = Annotated[
     Path | None, typer.Option("--run", help="The run's folder; default: runs/TASK/METHOD-…")
 ]
@@ -41,19 +46,28 @@ TensorBoard = Annotated[
 def customize(
     task: "TaskCard",
     settings: list[str] | None,
+    preset: str | None = None,
     **options: object,
 ) -> "TaskCard":
-    """Return the card with --set and named options applied; an option of None changes nothing.
+    """Return the card with a preset, named options and --set applied, each over what was before.
 
     Args:
         task: the card.
         settings: `section.key=value` texts.
-        options: `section__key=value`.
+        preset: its name.
+        options: `section__key=value`; None changes nothing.
+
+    Raises:
+        NotFound: there is no such preset.
+        CardError: a setting is malformed or out of range.
     """
+    if preset is not None and preset not in PRESETS:
+        raise NotFound.named("preset", preset, PRESETS, "repaint transfer --help")
+    chosen = list(PRESETS[preset]) if preset else []
     named = [
         f"{key.replace('__', '.')}={value}" for key, value in options.items() if value is not None
     ]
-    return task.with_settings(named + (settings or []))
+    return task.with_settings(chosen + named + (settings or []))
 
 
 def seed_list(first: int, how_many: int) -> list[int]:
@@ -86,6 +100,28 @@ def parse_ratio(text: str | None) -> tuple[int | None, int | None]:
     return int(parts[0]), int(parts[1])
 
 
+def parse_betas(text: str | None) -> float | list[float] | None:
+    """Read β₀, or a β₀ for each teacher between commas.
+
+    Raises:
+        CardError: it is something else.
+    """
+    if text is None:
+        return None
+    try:
+        betas = [float(part) for part in text.split(",")]
+    except ValueError as error:
+        raise CardError(
+            f"expected --beta as a number, or one for each teacher such as 0.2,0.1; found '{text}'"
+        ) from error
+    return betas[0] if len(betas) == 1 else betas
+
+
+def epochs_of(objective: str | None) -> int | None:
+    """Return 1 for objectives that do not bound an update: each sample is to count once."""
+    return 1 if objective in ("a2c", "reinforce") else None
+
+
 def check_method(name: str, **given: object) -> None:
     """Check that there is such a method, and that it uses the options it is given.
 
@@ -100,7 +136,9 @@ def check_method(name: str, **given: object) -> None:
         "ratio": method.alternates,
         "beta": method.kickstart,
         "beta_decay": method.kickstart,
+        "select": method.instance,
         "threshold": method.instance,
+        "instances_from": method.instance,
         "transfer_iterations": method.kickstart or method.instance,
     }
     for option, value in given.items():

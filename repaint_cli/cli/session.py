@@ -1,11 +1,12 @@
 """What training commands share: check names, train under a screen, draw, say what was written."""
 
+from collections.abc import Sequence
 from contextlib import nullcontext
 from pathlib import Path
 
 from repaint_cli import zoo
 from repaint_cli.cli.screen import Screen, out
-from repaint_cli.errors import NotFound, StoreError
+from repaint_cli.errors import CardError, NotFound, StoreError
 from repaint_cli.files import check_writable
 from repaint_cli.history import read_run
 from repaint_cli.methods import METHODS
@@ -38,17 +39,36 @@ def new_teacher_name(name: str, replace: bool) -> str:
     return name
 
 
-def find_teacher(name: str | None, method: str) -> Path | None:
-    """Return the teacher's file, or None for a method without one.
+def find_teachers(names: Sequence[str] | None, method: str) -> tuple[Path, ...]:
+    """Return the teachers' files; none for a method without them.
 
     Raises:
         NotFound: there is no such teacher, or none was named for a method that needs one.
+        CardError: there are several, and the method starts from one.
     """
     if not METHODS[method].needs_teacher:
-        return None
-    if name is None:
+        return ()
+    if not names:
         raise NotFound(f"method '{method}' needs a teacher: --teacher NAME (repaint zoo list)")
-    return zoo.find(name)
+    if METHODS[method].warm_start and len(names) > 1:
+        raise CardError(f"expected one --teacher to warm-start from, found {len(names)}")
+    return tuple(zoo.find(name) for name in names)
+
+
+def find_acting(names: Sequence[str] | None, teachers: Sequence[Path]) -> tuple[Path, ...] | None:
+    """Return the files of those teachers whose own samples are used, or None for all of them.
+
+    Raises:
+        CardError: one of them is none of the run's teachers.
+    """
+    if not names:
+        return None
+    acting = tuple(zoo.find(name) for name in names)
+    for name, path in zip(names, acting, strict=True):
+        if path not in teachers:
+            known = ", ".join(teacher.stem for teacher in teachers)
+            raise CardError(f"expected --instances-from one of {known}, found '{name}'")
+    return acting
 
 
 def carry_out(plan: Plan, tensorboard: bool, teacher: tuple[str, Path] | None = None) -> None:

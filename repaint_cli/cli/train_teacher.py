@@ -19,6 +19,7 @@ def train_teacher(
     seeds: options.Seeds = 1,
     seed: options.Seed = 0,
     eval_episodes: options.EvalEpisodes = None,
+    preset: options.Preset = None,
     settings: options.Set = None,
     run: options.RunFolder = None,
     tensorboard: options.TensorBoard = False,
@@ -33,7 +34,11 @@ def train_teacher(
     from repaint_cli.runs import Plan
 
     card = options.customize(
-        read_task(task), settings, ppo__n_iterations=iterations, eval__episodes=eval_episodes
+        read_task(task),
+        settings,
+        preset,
+        ppo__n_iterations=iterations,
+        eval__episodes=eval_episodes,
     )
     name = new_teacher_name(name or card.name, replace)
     folder = new_folder(run, card.name, "scratch")

@@ -13,16 +13,30 @@ METHOD_HELP = "; ".join(f"{name}: {method.summary}" for name, method in METHODS.
 def transfer(
     task: options.Task,
     teacher: Annotated[
-        str | None, typer.Option(help="A teacher's name (repaint zoo list) or file.")
+        list[str] | None,
+        typer.Option(help="A teacher's name (repaint zoo list) or file; again for several."),
     ] = None,
     method: Annotated[str, typer.Option(help=METHOD_HELP)] = "repaint",
     ratio: Annotated[
         str | None, typer.Option(help="R:I, R representation then I instance iterations.")
     ] = None,
-    beta: Annotated[float | None, typer.Option(help="β₀, weight of the cross-entropy.")] = None,
+    beta: Annotated[
+        str | None, typer.Option(help="β₀, weight of the cross-entropy; 0.2,0.1 for two teachers.")
+    ] = None,
     beta_decay: Annotated[float | None, typer.Option(help="β's factor per iteration.")] = None,
+    select: Annotated[
+        str | None,
+        typer.Option(help="Keep teacher samples by zeta, abs, top, per, rbt, or all of them."),
+    ] = None,
     threshold: Annotated[
         float | None, typer.Option(help="ζ: keep teacher samples with advantage ≥ ζ.")
+    ] = None,
+    instances_from: Annotated[
+        list[str] | None,
+        typer.Option(help="Of several teachers, one whose own samples are used; default: all."),
+    ] = None,
+    objective: Annotated[
+        str | None, typer.Option(help="clipped (PPO), a2c, trpo or reinforce.")
     ] = None,
     transfer_iterations: Annotated[
         int | None, typer.Option(help="K, the last iteration with the teacher.")
@@ -31,6 +45,7 @@ def transfer(
     seeds: options.Seeds = 1,
     seed: options.Seed = 0,
     eval_episodes: options.EvalEpisodes = None,
+    preset: options.Preset = None,
     settings: options.Set = None,
     run: options.RunFolder = None,
     tensorboard: options.TensorBoard = False,
@@ -40,22 +55,25 @@ def transfer(
     With REPAINT, or one of its rivals.
     """
     from repaint_cli.cards import read_task
-    from repaint_cli.cli.session import carry_out, find_teacher, new_folder
+    from repaint_cli.cli.session import carry_out, find_acting, find_teachers, new_folder
     from repaint_cli.runs import Plan
 
     options.check_method(
-        method, ratio=ratio, beta=beta, beta_decay=beta_decay, threshold=threshold,
-        transfer_iterations=transfer_iterations,
+        method, ratio=ratio, beta=beta, beta_decay=beta_decay, select=select, threshold=threshold,
+        instances_from=instances_from or None, transfer_iterations=transfer_iterations,
     )  # fmt: skip
     representation, instance = options.parse_ratio(ratio)
     card = options.customize(
-        read_task(task), settings,
-        ppo__n_iterations=iterations, eval__episodes=eval_episodes, select__threshold=threshold,
-        transfer__kickstart_coef=beta, transfer__kickstart_decay=beta_decay,
+        read_task(task), settings, preset,
+        ppo__n_iterations=iterations, ppo__objective=objective,
+        ppo__n_epochs=options.epochs_of(objective), eval__episodes=eval_episodes,
+        select__rule=select, select__threshold=threshold,
+        transfer__kickstart_coef=options.parse_betas(beta), transfer__kickstart_decay=beta_decay,
         transfer__representation=representation, transfer__instance=instance,
         transfer__iterations=transfer_iterations,
     )  # fmt: skip
-    path = find_teacher(teacher, method)
-    folder = new_folder(run, card.name, f"{method}-{path.stem}" if path else method)
-    plan = Plan(card, method, options.seed_list(seed, seeds), folder, path)
+    teachers = find_teachers(teacher, method)
+    folder = new_folder(run, card.name, "-".join([method, *(path.stem for path in teachers)]))
+    acting = find_acting(instances_from, teachers)
+    plan = Plan(card, method, options.seed_list(seed, seeds), folder, teachers, acting)
     carry_out(plan, tensorboard)

@@ -8,10 +8,12 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from repaint_cli.distributions import Distribution, joined
+from repaint_cli.config import PPOConfig
+from repaint_cli.distributions import Distribution, joined, side_by_side
 from repaint_cli.learn.frames import Frames
 from repaint_cli.learn.rollout import Policy
 from repaint_cli.learn.tape import Rollout
+from repaint_cli.learn.transitions import counts_of, flat
 
 CHUNK = 512
 """Images a network looks at in one go; bounds the memory of a pass over a whole rollout."""
@@ -44,6 +46,8 @@ class Samples:
     """r of the target task, (S, B)."""
     counts: Tensor
     """How many are real, (S,) int64."""
+    behavior: Distribution | None = None
+    """μ(·|s), (S, B), where the objective asks for more of it than log μ(a|s)."""
 
     def __post_init__(self) -> None:
         for name in PER_SAMPLE:
@@ -60,14 +64,41 @@ class Samples:
         """Return the samples at positions (S, K), of which each seed's first counts[s] are real."""
         seeds = torch.arange(len(positions)).unsqueeze(1)
         parts = {name: getattr(self, name)[seeds, positions] for name in PER_SAMPLE}
-        return Samples(frames=self.frames, counts=counts, **parts)
+        behavior = None if self.behavior is None else self.behavior[seeds, positions]
+        return Samples(frames=self.frames, counts=counts, behavior=behavior, **parts)
 
-    def keep(self, kept: Tensor) -> "Samples":
-        """Return only the samples where kept (S, B), in order, each seed with its own number."""
-        kept = kept & self.mask
-        counts = kept.sum(1)
-        front = torch.argsort(~kept, dim=1, stable=True)[:, : int(counts.max())]
-        return self.pick(front, counts)
+    def first(self, n: int) -> "Samples":
+        """Return at most the first n samples of each seed."""
+        counts = self.counts.clamp(max=n)
+        positions = torch.arange(int(counts.max())).expand(len(counts), -1)
+        return self.pick(positions, counts)
+
+
+def together(parts: Sequence[Samples]) -> Samples:
+    """Return the samples of several batches as one, each seed's in order."""
+    if len(parts) == 1:
+        return parts[0]
+    before = torch.zeros(len(parts[0].counts), 1, dtype=torch.int64)
+    fields = dict[str, list[Tensor]]()
+    for part in parts:
+        for name in PER_SAMPLE:
+            values = getattr(part, name)
+            fields.setdefault(name, []).append(values + before if name == "rows" else values)
+        before = before + part.frames.sizes.unsqueeze(1)
+    behaviors = [part.behavior for part in parts if part.behavior is not None]
+    whole = Samples(
+        frames=Frames.together([part.frames for part in parts]),
+        counts=torch.full((len(before),), sum(part.rows.shape[1] for part in parts)),
+        behavior=side_by_side(behaviors) if behaviors else None,
+        **{name: torch.cat(values, 1) for name, values in fields.items()},
+    )
+    return whole.pick(*front(torch.cat([part.mask for part in parts], 1)))
+
+
+def front(kept: Tensor) -> tuple[Tensor, Tensor]:
+    """Return the positions of what is kept (S, B), in order, (S, K), and their counts, (S,)."""
+    counts = kept.sum(1)
+    return torch.argsort(~kept, dim=1, stable=True)[:, : int(counts.max())], counts
 
 
 def gae(
@@ -96,37 +127,36 @@ def gae(
     return advantages
 
 
-def to_samples(rollout: Rollout, value: Value, gamma: float, gae_lambda: float) -> Samples:
+def to_samples(rollout: Rollout, value: Value, ppo: PPOConfig) -> Samples:
     """Estimate advantages with the student's critic and lay the valid steps out as samples.
+
+    REINFORCE's relatedness R̂ − b, with R̂ the return and b = V, is λ = 1 (paper, appendix A).
 
     Args:
         rollout: whoever acted; rewards are the target task's.
         value: the student's critic.
-        gamma: γ.
-        gae_lambda: λ.
+        ppo: γ, λ, and what a time limit means.
     """
-    n_seeds = rollout.valid.shape[1]
+    gae_lambda = 1.0 if ppo.objective == "reinforce" else ppo.gae_lambda
+    terminations = rollout.terminations
+    if ppo.time_limit == "terminal":
+        terminations = terminations | rollout.truncations
     values = _values(rollout, value)  # (T+1, S, N)
     followed = np.concatenate([rollout.valid[1:], np.zeros_like(rollout.valid[:1])])
     ends = ~followed  # after an episode's last step comes a reset, which is not valid
     advantages = gae(
-        rollout.rewards, values[:-1], values[1:], rollout.terminations, ends, gamma, gae_lambda
+        rollout.rewards, values[:-1], values[1:], terminations, ends, ppo.gamma, gae_lambda
     )
-
-    def flat(array: np.ndarray) -> Tensor:
-        """Lay each seed's valid steps in a row, padded with zeros: (T, S, N, …) → (S, B, …)."""
-        rows = [torch.from_numpy(array[:, s][rollout.valid[:, s]]) for s in range(n_seeds)]
-        return torch.nn.utils.rnn.pad_sequence(rows, batch_first=True)
 
     return Samples(
         frames=rollout.frames,
-        rows=flat(rollout.index[:-1]),
-        actions=flat(rollout.actions),
-        behavior_log_probs=flat(rollout.behavior_log_probs),
-        advantages=flat(advantages).float(),
-        returns=flat(advantages + values[:-1]).float(),
-        rewards=flat(rollout.rewards).float(),
-        counts=torch.from_numpy(rollout.valid.sum((0, 2))),
+        rows=flat(rollout, rollout.index[:-1]),
+        actions=flat(rollout, rollout.actions),
+        behavior_log_probs=flat(rollout, rollout.behavior_log_probs),
+        advantages=flat(rollout, advantages).float(),
+        returns=flat(rollout, advantages + values[:-1]).float(),
+        rewards=flat(rollout, rollout.rewards).float(),
+        counts=counts_of(rollout),
     )
 
 

@@ -7,6 +7,7 @@ A seed's policy and critic share nothing, so each is a job of its own, and jobs 
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache, partial
+from typing import Literal
 
 import numpy as np
 import torch
@@ -27,13 +28,16 @@ from repaint_cli.learn.dense_kernels import (
 from repaint_cli.learn.optimizer import RowAdam
 from repaint_cli.nets import ActorCritic
 
+Parts = Literal["both", "policy", "critic"]
+"""Who moves in an update."""
+
 _Job = Callable[[], int]
 """Takes all steps of a policy or a critic and returns how many those were."""
 
 
-def applies_to(student: ActorCritic) -> bool:
-    """Tell whether a student's networks are dense."""
-    return student.net.kind == "mlp"
+def applies_to(student: ActorCritic, ppo: PPOConfig) -> bool:
+    """Tell whether a student's networks are dense, and the loss is the one that is here."""
+    return ppo.compiled and student.net.kind == "mlp" and ppo.objective == "clipped"
 
 
 def learn(
@@ -46,9 +50,10 @@ def learn(
     teacher: Distribution | None = None,
     beta: float = 0.0,
     scale: float = 1.0,
-    critic: bool = True,
+    parts: Parts = "both",
+    instances: bool = False,
 ) -> dict[str, np.ndarray]:
-    """Take every step of `learn_on_policy`, or without a critic of `learn_from_instances`.
+    """Take every step of `learn_on_policy`, or of `learn_from_instances`.
 
     Args:
         student: who learns; its networks are dense.
@@ -59,7 +64,8 @@ def learn(
         teacher: the teacher's distributions at the samples, for the cross-entropy.
         beta: β_k.
         scale: of the learning rate.
-        critic: whether critics learn too, and policies get the entropy bonus.
+        parts: who moves, policies, critics or both.
+        instances: whether the samples are a teacher's: only policies move, without entropy bonus.
 
     Returns:
         Each seed's mean losses and diagnostics, (S,) each.
@@ -81,16 +87,18 @@ def learn(
         choices = Choices(
             student.spaces.discrete, actions[s], samples.behavior_log_probs[s].numpy(),
             samples.advantages[s].numpy(), advised[s], spreads[s], ppo.clip_range,
-            ppo.ent_coef if critic else 0.0, 0.0 if teacher is None else beta,
+            0.0 if instances else ppo.ent_coef, 0.0 if teacher is None else beta,
         )  # fmt: skip
         place, returns = Place(student, optimizer, s, scale), samples.returns[s].numpy()
         policies.append(partial(_policy_steps, place, batch, choices, told[s]))
         critics.append(partial(_value_steps, place, batch, returns, ppo.vf_coef, judged[s]))
-    jobs = policies + critics if critic else policies
+    jobs = {"both": policies + critics, "policy": policies, "critic": critics}[
+        "policy" if instances else parts
+    ]
     with _blas().limit(limits=1), ThreadPoolExecutor(torch.get_num_threads()) as pool:
         steps = list(pool.map(lambda job: job(), jobs))
     numbers = _means(np.concatenate([told, judged], 2), np.array(steps[: len(counts)]))
-    return _as_plain(numbers, critic, teacher is not None)
+    return _as_plain(numbers, instances, teacher is not None, parts)
 
 
 def _policy_steps(place: Place, batch: Batch, choices: Choices, told: np.ndarray) -> int:
@@ -116,14 +124,13 @@ def _value_steps(
 def _choices(
     student: ActorCritic, samples: Samples, teacher: Distribution | None
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return actions (S, B, A), one-hot where discrete, and the teacher: (S, B, A) and (S, A)."""
+    """Return actions, one-hot where discrete, and the teacher's mean and log σ, (S, B, A) each."""
     actions, n_actions = samples.actions, student.spaces.n_actions
     if student.spaces.discrete:
         actions = torch.nn.functional.one_hot(actions, n_actions).float()
-    spreads = torch.zeros(len(actions), n_actions)
-    advised = torch.zeros_like(actions)
+    advised = spreads = torch.zeros_like(actions)
     if isinstance(teacher, Gaussian):
-        advised, spreads = teacher.mean, teacher.log_std.squeeze(1)
+        advised, spreads = teacher.mean, teacher.log_std.expand_as(teacher.mean).contiguous()
     elif isinstance(teacher, Categorical):
         advised = teacher.log_probs
     return actions.numpy(), advised.numpy(), spreads.numpy()
@@ -154,10 +161,19 @@ def _means(told: np.ndarray, steps: np.ndarray) -> dict[str, np.ndarray]:
     return dict(zip(names, means.T, strict=True))
 
 
-def _as_plain(numbers: dict[str, np.ndarray], critic: bool, teacher: bool) -> dict[str, np.ndarray]:
+def _as_plain(
+    numbers: dict[str, np.ndarray], instances: bool, teacher: bool, parts: Parts
+) -> dict[str, np.ndarray]:
     """Return the numbers that the plain update would tell, by their names there."""
-    if not critic:
+    if instances:
         kept = ("policy_loss", "approx_kl", "clip_fraction", "log_ratio")
         return {n: numbers[n] for n in kept} | {"kept_clip_fraction": numbers["clip_fraction"]}
     without = {"log_ratio"} if teacher else {"log_ratio", "cross_entropy"}
-    return {name: number for name, number in numbers.items() if name not in without}
+    return told_by(parts, {name: number for name, number in numbers.items() if name not in without})
+
+
+def told_by(parts: Parts, numbers: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Return the numbers of those who moved."""
+    if parts == "both":
+        return numbers
+    return {n: told for n, told in numbers.items() if (n == "value_loss") == (parts == "critic")}

@@ -79,7 +79,7 @@ class Choices(NamedTuple):
     teacher: np.ndarray
     """The teacher's mean, or log-probabilities, (n, A)."""
     teacher_log_std: np.ndarray
-    """log τ of a Gaussian teacher, (A,)."""
+    """log τ of a Gaussian teacher, (n, A)."""
     clip_range: float
     """ε of the clipped surrogate."""
     ent_coef: float
@@ -186,7 +186,7 @@ def gaussian_head(
     ∂H(T‖π)/∂μ = (μ − m)/σ²    ∂H(T‖π)/∂log σ = 1 − (τ² + (m − μ)²)/σ²
     """
     n, half_log_2pi = len(rows), 0.5 * log(2 * pi)
-    inverse, noise = np.exp(-log_std), np.exp(2 * choices.teacher_log_std)  # 1/σ, τ²
+    inverse = np.exp(-log_std)  # 1/σ
     log_std_gradient[:] = -choices.ent_coef
     told[1] += n * (log_std + half_log_2pi + 0.5).sum()
     for i in range(n):
@@ -201,7 +201,8 @@ def gaussian_head(
         for d in range(len(log_std)):
             z = (choices.actions[row, d] - means[i, d]) * inverse[d]
             gap = means[i, d] - choices.teacher[row, d]
-            spread = (noise[d] + gap * gap) * inverse[d] ** 2
+            noise = exp(2 * choices.teacher_log_std[row, d])  # τ²
+            spread = (noise + gap * gap) * inverse[d] ** 2
             told[2] += log_std[d] + half_log_2pi + 0.5 * spread
             slopes[i, d] = (pull * z * inverse[d] + choices.beta * gap * inverse[d] ** 2) / n
             log_std_gradient[d] += (pull * (z * z - 1) + choices.beta * (1 - spread)) / n

@@ -1,6 +1,6 @@
 """Observations: one array, or several by name such as camera and lidar; each is stored once."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from operator import getitem
 from typing import Any
 
@@ -29,6 +29,12 @@ def stacked(rows: list[Any]) -> Any:
     if isinstance(rows[0], Mapping):
         return {name: torch.stack([row[name] for row in rows]) for name in rows[0]}
     return torch.stack(rows)
+
+
+def _end_to_end(rows: Sequence[Any]) -> Any:
+    if isinstance(rows[0], Mapping):
+        return {name: torch.cat([row[name] for row in rows]) for name in rows[0]}
+    return torch.cat(list(rows))
 
 
 class Store:
@@ -73,6 +79,12 @@ class Frames:
             longest = max(len(store) for store in stores)
             self._stacked = torch.stack([_pad(store, longest) for store in stores])
             self._seeds = torch.arange(len(stores)).unsqueeze(1)
+
+    @classmethod
+    def together(cls, several: Sequence["Frames"]) -> "Frames":
+        """Lay several rollouts' observations one after the other, seed by seed."""
+        stores = zip(*(frames.stores for frames in several), strict=True)
+        return cls([_end_to_end(rows) for rows in stores])
 
     @property
     def sizes(self) -> Tensor:

@@ -26,6 +26,35 @@ def clipped_surrogate(
     return -torch.min(ratio * advantages, clipped * advantages)
 
 
+def log_likelihood(log_probs: Tensor, advantages: Tensor) -> Tensor:
+    """The objective of A2C, and of REINFORCE with R̂ − b in place of Â, negated (paper, appendix A).
+
+        L(θ) = −log π_θ(a|s)·Â
+
+    Args:
+        log_probs: log π_θ(a|s), (S, B).
+        advantages: Â(s, a), or the return less a baseline, (S, B).
+    """
+    return -log_probs * advantages
+
+
+def penalized_surrogate(
+    log_probs: Tensor, behavior_log_probs: Tensor, advantages: Tensor, kl: Tensor, kl_coef: float
+) -> Tensor:
+    """The objective of TRPO with a penalty in place of its constraint, negated (paper, appendix A).
+
+        L(θ) = −(ρA − β·KL[μ(·|s), π_θ(·|s)]),   ρ = π_θ(a|s) / μ(a|s)
+
+    Args:
+        log_probs: log π_θ(a|s), (S, B).
+        behavior_log_probs: log μ(a|s) of whoever acted, (S, B).
+        advantages: Â(s, a), (S, B).
+        kl: KL[μ(·|s), π_θ(·|s)], (S, B).
+        kl_coef: β.
+    """
+    return -(torch.exp(log_probs - behavior_log_probs) * advantages - kl_coef * kl)
+
+
 def squared_error(values: Tensor, returns: Tensor) -> Tensor:
     """The critic's loss (V(s) − R̂)², without clipping; both (S, B)."""
     return (values - returns) ** 2

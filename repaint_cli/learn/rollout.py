@@ -29,6 +29,7 @@ def start(
     purpose: Purpose,
     iteration: int,
     *,
+    stream: int = 0,
     one_episode: bool = False,
     noise: bool = False,
 ) -> tuple[RewardTerms, Any]:
@@ -40,7 +41,8 @@ def start(
     env = task.make_env(len(seeds) * n_envs, one_episode=one_episode, noise=noise)
     spread = purpose in (Purpose.EVALUATE, Purpose.SCORE)
     options = task.start_options(len(seeds), n_envs, None if spread else iteration)
-    obs, _ = env.reset(seed=env_seeds(seeds, purpose, iteration, n_envs), options=options)
+    drawn = env_seeds(seeds, purpose, iteration, n_envs, stream)
+    obs, _ = env.reset(seed=drawn, options=options)
     return env, obs
 
 
@@ -51,6 +53,7 @@ def collect(
     rngs: Sequence[np.random.Generator],
     *,
     n_steps: int | None = None,
+    whole: bool = False,
     greedy: bool = False,
     record: Sequence[str] = (),
 ) -> Rollout:
@@ -62,6 +65,7 @@ def collect(
         policy: who acts.
         rngs: one generator per seed for the actions.
         n_steps: valid steps per seed; where absent, every environment plays exactly one episode.
+        whole: whether episodes that run when a seed has `n_steps` go on to their ends.
         greedy: take the most likely action instead of a sample.
         record: further numbers to keep from `info`.
 
@@ -72,7 +76,7 @@ def collect(
     tape = Tape(shape, record)
     noise = _Noise(rngs, shape[1])
     with torch.no_grad(), _threads_for(obs):
-        return _play(env, obs, policy, tape, noise, n_steps, greedy)
+        return _play(env, obs, policy, tape, noise, n_steps, whole, greedy)
 
 
 def _play(
@@ -82,6 +86,7 @@ def _play(
     tape: Tape,
     noise: "_Noise",
     n_steps: int | None,
+    whole: bool,
     greedy: bool,
 ) -> Rollout:
     """Act, step and remember until every seed has enough; see `collect`."""
@@ -90,14 +95,13 @@ def _play(
     running, resetting, acted = np.ones(shape, bool), np.zeros(shape, bool), np.zeros(shape, bool)
     while True:
         valid = running & ~resetting
-        if n_steps is not None:  # no more than the seed still needs
+        if n_steps is not None and not whole:  # no more than the seed still needs
             valid &= valid.cumsum(1) + taken[:, None] <= n_steps
         obs = each(lambda part: part.reshape(*shape, *part.shape[1:]), obs)
         for part in parts(obs):
             _check_finite(part, valid | acted, "an observation", len(tape.steps))
         tape.observe(obs, valid | acted)
-        enough = not running.any() if n_steps is None else bool((taken >= n_steps).all())
-        if enough:
+        if not running.any():
             return tape.rollout()
         actions, seats, distribution = _act(policy, obs, valid, noise, greedy)
         obs, rewards, terminated, truncated, info = env.step(
@@ -112,6 +116,10 @@ def _play(
         resetting, acted = terminated | truncated, valid
         if n_steps is None:
             running, resetting = running & ~resetting, np.zeros(shape, bool)
+        elif whole:  # no environment begins another episode once its seed has enough
+            running &= ~((resetting | ~valid) & (taken >= n_steps)[:, None])
+        elif (taken >= n_steps).all():
+            running[:] = False
 
 
 def _act(

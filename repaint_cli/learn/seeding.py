@@ -20,18 +20,27 @@ class Purpose(IntEnum):
     ACT = 4
     ACT_AS_TEACHER = 5
     SHUFFLE = 6
+    SELECT = 7
     SCORE = 8
 
 
-def generator(seed: int, purpose: Purpose, iteration: int = 0) -> np.random.Generator:
-    """Return a generator of its own for one seed, purpose and iteration."""
-    return np.random.default_rng(np.random.SeedSequence([seed, purpose, iteration]))
+def generator(
+    seed: int, purpose: Purpose, iteration: int = 0, stream: int = 0
+) -> np.random.Generator:
+    """Return a generator of its own for one seed, purpose, iteration and, say, teacher."""
+    return np.random.default_rng(_sequence(seed, purpose, iteration, stream))
 
 
-def env_seeds(seeds: list[int], purpose: Purpose, iteration: int, n_envs: int) -> list[int]:
+def env_seeds(
+    seeds: list[int], purpose: Purpose, iteration: int, n_envs: int, stream: int = 0
+) -> list[int]:
     """Return seeds for S × N environments, seed by seed, each in [0, 2³¹)."""
     return [
         int(word) >> 1
         for seed in seeds
-        for word in np.random.SeedSequence([seed, purpose, iteration]).generate_state(n_envs)
+        for word in _sequence(seed, purpose, iteration, stream).generate_state(n_envs)
     ]
+
+
+def _sequence(*names: int) -> np.random.SeedSequence:
+    return np.random.SeedSequence(names)  # which does not tell a last 0 from none

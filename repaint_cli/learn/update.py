@@ -1,6 +1,6 @@
 """Gradient steps: epochs of minibatches, for all seeds at once and for each as if alone."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 import torch
@@ -11,7 +11,8 @@ from repaint_cli.distributions import Distribution
 from repaint_cli.errors import DivergedError
 from repaint_cli.learn import by_hand
 from repaint_cli.learn.advantages import Samples
-from repaint_cli.learn.losses import approx_kl, clipped_surrogate, squared_error
+from repaint_cli.learn.by_hand import Parts, told_by
+from repaint_cli.learn.objectives import instance_loss, representation_loss
 from repaint_cli.learn.optimizer import RowAdam
 from repaint_cli.nets import ActorCritic
 
@@ -53,83 +54,6 @@ def part(order: Tensor, starts: Tensor, stops: Tensor) -> tuple[Tensor, Tensor]:
     return order.gather(1, reach.clamp(max=order.shape[1] - 1)), counts
 
 
-def mean_over(counts: Tensor, width: int) -> Callable[[Tensor], Tensor]:
-    """Return what takes each seed's mean of its first counts[s] numbers, (S, width) → (S,).
-
-    The mean of none is 0.
-    """
-    mask = torch.arange(width) < counts.unsqueeze(1)
-    weights = mask / counts.clamp(min=1).unsqueeze(1)
-    return lambda numbers: (numbers * weights).sum(-1)
-
-
-def masked_mean(numbers: Tensor, counts: Tensor) -> Tensor:
-    """Return each seed's mean of its first counts[s] numbers, (S, b) → (S,); 0 of none."""
-    return mean_over(counts, numbers.shape[1])(numbers)
-
-
-def representation_loss(
-    student: ActorCritic, batch: Samples, teacher: Distribution | None, beta: float, ppo: PPOConfig
-) -> tuple[Tensor, dict[str, Tensor]]:
-    """Return −L_rep with the critic's loss and PPO's entropy bonus, (S,), and their parts.
-
-        L_rep(θ) = L_clip(θ) − β_k·H(π_teacher‖π_θ)      (paper, equation 2)
-
-    Without a teacher it is clipped PPO.
-    """
-    obs, counts = batch.frames.take(batch.rows), batch.counts
-    policy = student.policy(obs, counts.tolist())
-    values = student.value(obs, counts.tolist())
-    log_probs, mean = policy.log_prob(batch.actions), mean_over(counts, batch.rows.shape[1])
-    surrogate = clipped_surrogate(
-        log_probs, batch.behavior_log_probs, batch.advantages, ppo.clip_range
-    )
-    numbers = {
-        "policy_loss": mean(surrogate),
-        "value_loss": mean(squared_error(values, batch.returns)),
-        "entropy": mean(policy.entropy().expand_as(log_probs)),
-    } | _ratio_numbers(log_probs, batch, ppo.clip_range, mean)
-    loss = (
-        numbers["policy_loss"]
-        + ppo.vf_coef * numbers["value_loss"]
-        - ppo.ent_coef * numbers["entropy"]
-    )
-    if teacher is not None:
-        numbers["cross_entropy"] = mean(teacher.cross_entropy(policy))
-        loss = loss + beta * numbers["cross_entropy"]
-    return loss, numbers
-
-
-def instance_loss(
-    student: ActorCritic, batch: Samples, ppo: PPOConfig
-) -> tuple[Tensor, dict[str, Tensor]]:
-    """Return −L_ins, (S,): the clipped surrogate on teacher samples (paper, equation 3).
-
-    No cross-entropy, no entropy bonus, and no critic: its values are regressed on the student's own
-    data only.
-    """
-    policy = student.policy(batch.frames.take(batch.rows), batch.counts.tolist())
-    log_probs, mean = policy.log_prob(batch.actions), mean_over(batch.counts, batch.rows.shape[1])
-    surrogate = clipped_surrogate(
-        log_probs, batch.behavior_log_probs, batch.advantages, ppo.clip_range
-    )
-    loss = mean(surrogate)
-    numbers = {"policy_loss": loss} | _ratio_numbers(log_probs, batch, ppo.clip_range, mean)
-    log_ratio = mean(log_probs - batch.behavior_log_probs)
-    return loss, numbers | {"log_ratio": log_ratio, "kept_clip_fraction": numbers["clip_fraction"]}
-
-
-def _ratio_numbers(
-    log_probs: Tensor, batch: Samples, clip_range: float, mean: Callable[[Tensor], Tensor]
-) -> dict[str, Tensor]:
-    with torch.no_grad():
-        log_ratio = log_probs - batch.behavior_log_probs
-        return {
-            "approx_kl": mean(approx_kl(log_probs, batch.behavior_log_probs)),
-            "clip_fraction": mean((torch.expm1(log_ratio).abs() > clip_range).float()),
-        }
-
-
 def learn_on_policy(
     student: ActorCritic,
     optimizer: RowAdam,
@@ -142,6 +66,7 @@ def learn_on_policy(
     alpha_1: float = 1.0,
     instances: Samples | None = None,
     alpha_2: float = 1.0,
+    parts: Parts = "both",
 ) -> dict[str, np.ndarray]:
     """Train on the student's own samples: PPO, kickstarting, or both transfers jointly.
 
@@ -157,6 +82,7 @@ def learn_on_policy(
         instances: selected teacher samples; every minibatch takes its share of them (paper,
             algorithm 1).
         alpha_2: α₂, scales L_ins in a joint update.
+        parts: who moves, policies, critics or both.
 
     Returns:
         Each seed's mean losses and diagnostics, (S,) each.
@@ -164,10 +90,13 @@ def learn_on_policy(
     Raises:
         DivergedError: a loss is not finite.
     """
-    if ppo.compiled and by_hand.applies_to(student) and instances is None:
+    if by_hand.applies_to(student, ppo) and instances is None:
         return by_hand.learn(
-            student, optimizer, samples, ppo, rngs, teacher=teacher, beta=beta, scale=alpha_1
-        )
+            student, optimizer, samples, ppo, rngs,
+            teacher=teacher, beta=beta, scale=alpha_1, parts=parts,
+        )  # fmt: skip
+    if parts == "policy":  # for what both share
+        ppo = ppo.model_copy(update={"vf_coef": 0.0})
     means, size = Means(), ppo.minibatch_size
     n_steps = -(-samples.counts // size)  # each seed's own ceil(n / 64)
     for _ in range(ppo.n_epochs):
@@ -188,10 +117,15 @@ def learn_on_policy(
                 means.add(share.counts, {name: seen[name] for name in told})
             means.add(counts, numbers)
             moving = (counts > 0).tolist()
+            still = [False] * student.n_seeds
             scale = 1.0 if instances is not None else alpha_1
             _check_finite(loss, numbers)
-            _step(student, optimizer, loss, moving, moving, scale)
-    return means.numpy()
+            _step(
+                student, optimizer, loss,
+                still if parts == "critic" else moving, still if parts == "policy" else moving,
+                scale,
+            )  # fmt: skip
+    return told_by(parts, means.numpy())
 
 
 def learn_from_instances(
@@ -206,8 +140,8 @@ def learn_from_instances(
 
     A seed that kept no samples takes no step. See `learn_on_policy` for the arguments.
     """
-    if ppo.compiled and by_hand.applies_to(student):
-        return by_hand.learn(student, optimizer, samples, ppo, rngs, scale=alpha_2, critic=False)
+    if by_hand.applies_to(student, ppo):
+        return by_hand.learn(student, optimizer, samples, ppo, rngs, scale=alpha_2, instances=True)
     means, size = Means(), ppo.minibatch_size
     still = [False] * student.n_seeds
     for _ in range(ppo.n_epochs):

@@ -61,7 +61,7 @@ def draw_curves(runs: dict[str, Run], path: Path, title: str) -> None:
     some = list(runs.values())
     progress = {label: run.progress for label, run in runs.items() if run.progress is not None}
     scratch = [run.returns for run in some if run.method == "scratch"]
-    taught = [run for run in some if run.record["teacher"] and run.method != "warm-start"]
+    taught = [run for run in some if run.record["teachers"] and run.method != "warm-start"]
     lengths = {int(run.record["transfer"]["iterations"]) for run in taught}
     best = float(np.nanmax(scratch[0].mean(0))) if scratch and len(some) > 1 else None
     plot_curves(

@@ -1,0 +1,119 @@
+"""What teachers give: advice where the student goes, and the best of what they do themselves."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+
+from repaint_cli.config import TransferConfig
+from repaint_cli.distributions import Distribution, blend
+from repaint_cli.learn import schedules
+from repaint_cli.learn.advantages import Samples, describe, to_samples, together
+from repaint_cli.learn.learner import Learner
+from repaint_cli.learn.objectives import masked_mean
+from repaint_cli.learn.relevance import relevance
+from repaint_cli.learn.rollout import Policy
+from repaint_cli.learn.seeding import Purpose, generator
+from repaint_cli.learn.selection import rescale, select
+from repaint_cli.learn.tape import Rollout
+from repaint_cli.learn.transitions import transitions
+from repaint_cli.nets import ActorCritic
+from repaint_cli.tasks import TaskCard
+
+
+@dataclass(frozen=True)
+class Teacher:
+    """A policy to learn from."""
+
+    network: ActorCritic
+    """Its policy, standing S times."""
+    acts: bool = True
+    """Whether its own samples are learned from in instance iterations."""
+    weights: np.ndarray | None = None
+    """w of its own task in the order of the target's terms, (F,); None where that is not known."""
+
+
+def soften(teacher: ActorCritic, transfer: TransferConfig) -> Policy:
+    """Return a teacher with a spread, the same for sampling, log-probs and the cross-entropy.
+
+    A trained teacher is nearly deterministic: its samples would have likelihood ratios near 0 under
+    any student, and a clipped surrogate with A > 0 has no gradient there.
+    """
+    return lambda obs, counts: teacher.policy(obs, counts).soften(
+        transfer.teacher_min_std, transfer.teacher_temperature
+    )
+
+
+def advise(
+    teachers: Sequence[Teacher], betas: Sequence[float], samples: Samples, transfer: TransferConfig
+) -> Distribution | None:
+    """Return what the teachers would do at the samples, as one distribution; None with β = 0.
+
+    Args:
+        teachers: all of them.
+        betas: β_k of each.
+        samples: of the student, (S, B).
+        transfer: the teachers' spread.
+    """
+    asked = [(t, beta) for t, beta in zip(teachers, betas, strict=True) if beta > 0]
+    if not asked:
+        return None
+    parts = [describe(soften(teacher.network, transfer), samples) for teacher, _ in asked]
+    return blend(parts, [beta for _, beta in asked])
+
+
+def transfer_instances(
+    task: TaskCard, learner: Learner, teachers: Sequence[Teacher], k: int
+) -> tuple[Samples, dict[str, np.ndarray]]:
+    """Let teachers act in the target task; keep what is worth learning from (section 4.2).
+
+    Advantages are estimated under the target's reward with the student's critic, which is not
+    trained here, and which judged `learner.last_moments` too. Several teachers share the steps or
+    episodes of one, and their samples are scaled and chosen from together (appendix A).
+
+    Returns:
+        The chosen samples and what the selection looked like, (S,) per number.
+    """
+    acting = [teacher for teacher in teachers if teacher.acts]
+    policies = [soften(teacher.network, task.transfer) for teacher in acting]
+    rollouts = [
+        learner.watch(task, k, policy, which=i, of=len(acting)) for i, policy in enumerate(policies)
+    ]
+    if task.transfer.teacher_statistics:
+        for rollout in rollouts:
+            learner.see(rollout)
+    parts = [to_samples(rollout, learner.student.value, task.ppo) for rollout in rollouts]
+    if task.ppo.objective == "trpo":
+        parts = [
+            replace(part, behavior=describe(policy, part))
+            for part, policy in zip(parts, policies, strict=True)
+        ]
+    samples = together(parts)
+    scaled = rescale(samples, task.select.scale, learner.last_moments)
+    chosen = select(
+        scaled, task.select, schedules.threshold(k, task.select, task.transfer),
+        [generator(seed, Purpose.SELECT, k) for seed in learner.seeds],
+        _relevance(task, learner, acting, rollouts) if task.select.rule == "rbt" else None,
+    )  # fmt: skip
+    raw, counts = samples.pick(chosen.positions, chosen.counts), chosen.counts
+    nothing = counts == 0
+    numbers = {
+        "kept_fraction": counts / samples.counts,
+        "kept_advantage": masked_mean(raw.advantages, counts).where(~nothing, torch.nan),
+        "kept_reward": masked_mean(raw.rewards, counts).where(~nothing, torch.nan),
+        "student_reward": learner.last_reward,
+    }
+    return chosen.of(scaled), {name: number.numpy() for name, number in numbers.items()}
+
+
+def _relevance(
+    task: TaskCard, learner: Learner, teachers: Sequence[Teacher], rollouts: Sequence[Rollout]
+) -> torch.Tensor:
+    """Return the relevance of the teachers' samples to the student's last batch, (S, B)."""
+    assert learner.last_batch is not None
+    sources = [
+        transitions(rollout, teacher.weights)
+        for rollout, teacher in zip(rollouts, teachers, strict=True)
+    ]
+    return relevance(learner.last_batch, sources, task.select)
