@@ -7,7 +7,7 @@ networks of 64-64 tanh units. Training only, no evaluation; the first iteration 
 
 Stable-Baselines3 is best of 1 and 8 environments; beside it, what one such process a core makes
 together, for whoever trains several seeds. It steps Gymnasium's environments one by one, within its
-Monitor, and clips gradients; repaint has 40 of EnvPool's (Ant: 2, `env.backend=envpool`) and keeps
+Monitor, and clips gradients; repaint has 40 of EnvPool's (Ant: 2) and keeps
 a normaliser of observations. The bound is what the machine cannot beat: bare `mj_step` on all
 cores, then the networks' arithmetic at the matrix-product rate of the moment.
 """
@@ -70,11 +70,7 @@ def repaint(task: str, n_seeds: int, compiled: bool) -> float:
     from repaint_cli.learn.trainer import train
     from repaint_cli.nets import ActorCritic
 
-    card = read_task("reacher").with_settings([f"ppo.compiled={str(compiled).lower()}"])
-    if task == "ant":
-        terms = ("reward_forward", "reward_survive", "reward_ctrl", "reward_contact")
-        settings = ["env.id=Ant-v5", "env.backend=envpool", "ppo.n_envs=2"]
-        card = card.with_settings(settings).model_copy(update={"reward": dict.fromkeys(terms, 1.0)})
+    card = read_task(task).with_settings([f"ppo.compiled={str(compiled).lower()}"])
     student = ActorCritic(spaces_of(card), card.net, n_seeds)
     learner = Learner.fresh(student, list(range(n_seeds)), card.ppo.learning_rate)
     iterations = train(card, learner)

@@ -17,6 +17,7 @@ from repaint_cli.tasks import TaskCard
 needs_envpool = pytest.mark.skipif(not find_spec("envpool"), reason="the extra `mujoco` is absent")
 BACKENDS = [pytest.param("envpool", marks=needs_envpool), "gymnasium"]
 TERMS = ("reward_dist", "reward_ctrl")
+ANT_TERMS = ("reward_forward", "reward_survive", "reward_ctrl", "reward_contact")
 EPISODE = 50
 
 HALF_CHEETAH = """
@@ -69,6 +70,49 @@ def test_envpools_reacher_is_gymnasiums_on_1000_random_steps():
             assert theirs[2] == (t == EPISODE - 1)
         obs, gym_obs = pool.step(actions)[0], gym.step(actions)[0]  # both begin again here
         assert np.abs([obs[0, 6:8], gym_obs[0, 6:8]]).max() < 0.01
+
+
+@needs_envpool
+def test_envpools_ant_is_gymnasiums_over_40_windows_of_25_random_steps():
+    pool, gym = (make_gym("Ant-v5", 1, {}, backend) for backend in ("envpool", "gymnasium"))
+    assert "Ant-v5" in ENVPOOL_IDS
+    rng = np.random.default_rng(0)
+    obs, _ = pool.reset(seed=[3])
+    gym.reset(seed=[3])
+    ended = False
+    for _ in range(40):
+        if ended:  # the episode is over; this step begins the next
+            obs, *_ = pool.step(np.zeros((1, 8)))
+        body = gym.envs[0].unwrapped  # where it is on the plane changes nothing
+        body.set_state(np.concatenate([[0, 0], obs[0, :13]]), obs[0, 13:27])
+        for t in range(25):
+            actions = rng.uniform(-1, 1, (1, 8))
+            obs, (reward,), (terminated,), (truncated,), info = pool.step(actions)
+            expected, wanted, unhealthy, _, told = body.step(actions[0])
+            assert_allclose(obs[0], expected, rtol=0, atol=1e-6)
+            assert terminated == unhealthy
+            # Speed is measured between places that lag a substep behind, but not after a copy.
+            for term in ANT_TERMS if t else ANT_TERMS[1:]:
+                assert_allclose(info[term][0], told[term], rtol=0, atol=1e-6)
+            if t:
+                assert_allclose(reward, wanted, rtol=0, atol=1e-6)
+            ended = bool(terminated or truncated)
+            if ended:
+                break
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_ants_reward_is_the_sum_of_its_terms(backend):
+    env = make_gym("Ant-v5", 3, {}, backend)
+    env.reset(seed=[1, 2, 3])
+    rng, touched = np.random.default_rng(0), 0.0
+    for _ in range(60):
+        _, reward, terminated, _, info = env.step(rng.uniform(-1, 1, (3, 8)))
+        if terminated.any():
+            break
+        assert_allclose(sum(info[term] for term in ANT_TERMS), reward, rtol=0, atol=1e-6)
+        touched = min(touched, info["reward_contact"].min())
+    assert touched < 0  # forces count, unlike in Ant-v4 and before
 
 
 @pytest.mark.parametrize("backend", BACKENDS)

@@ -16,7 +16,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 
 from repaint_cli.errors import CardError
 
-ENVPOOL_IDS = frozenset({"Reacher-v5"})
+ENVPOOL_IDS = frozenset({"Reacher-v5", "Ant-v5"})
 """Ids whose bodies, numbers and reward terms a test holds equal to Gymnasium's."""
 
 
