@@ -25,7 +25,8 @@ OBS, ACTIONS, SAMPLES, NUMBERS = 27, 8, 2048, 4096
 
 def step(compiled: bool, width: int = 64, own_blas_threads: bool = False) -> float:
     """Return the time of a gradient step."""
-    from repaint_cli.config import NetConfig, PPOConfig
+    from repaint_cli.architecture import NetConfig
+    from repaint_cli.config import PPOConfig
     from repaint_cli.learn import by_hand
     from repaint_cli.learn.advantages import Samples
     from repaint_cli.learn.frames import Frames

@@ -7,7 +7,6 @@ standard terms, the paper's symbol stands in each sentence.
 import ast
 import inspect
 import textwrap
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import Literal
 
@@ -16,7 +15,6 @@ from pydantic import (
     ConfigDict,
     Field,
     NonNegativeFloat,
-    PositiveInt,
     field_validator,
     model_validator,
 )
@@ -180,50 +178,22 @@ class SelectConfig(Settings):
     """What Â′ is standardised with: its own batch, the student's last batch, or nothing (raw)."""
 
 
-Convolution = tuple[PositiveInt, PositiveInt, PositiveInt]
-"""Filters, kernel, stride."""
+class QLearningConfig(Settings):
+    """Q-learning with instance transfer (paper, appendix A): `--algorithm q-learning`."""
 
-
-@dataclass(frozen=True)
-class Eyes:
-    """The convolutions of a camera network."""
-
-    layers: tuple[Convolution, ...]
-    """(filters, kernel, stride) of each."""
-    tanh: bool = False
-    """Whether tanh follows each layer instead of ReLU."""
-    dense: int | None = None
-    """Width of a dense layer behind them, if any."""
-
-
-EYES = {
-    "3-layer": Eyes(((32, 8, 4), (64, 4, 2), (64, 3, 1))),
-    "4-layer": Eyes(((32, 5, 2), (32, 3, 1), (64, 3, 2), (64, 3, 1)), tanh=True, dense=64),
-    "5-layer": Eyes(((32, 3, 1), (64, 3, 2), (64, 3, 1), (128, 3, 2), (128, 3, 1))),
-}
-"""DeepRacer's three camera networks, which the paper names by their number of layers."""
-
-
-class NetConfig(Settings):
-    """The policy's and the critic's networks."""
-
-    kind: Literal["mlp", "cnn"] = "mlp"
-    """Dense layers on a vector, or convolutions on an image."""
-    hidden: tuple[PositiveInt, ...] = (64, 64)
-    """Widths of the dense tanh layers of an `mlp`."""
-    conv: Literal["3-layer", "4-layer", "5-layer"] | tuple[Convolution, ...] = "3-layer"
-    """One of the paper's by name, or (filters, kernel, stride) of each ReLU convolution."""
-    dense: int = Field(512, gt=0)
-    """Width of the ReLU layer between the convolutions and the head."""
-    pool: int = Field(2, ge=1)
-    """Side of the squares of pixels averaged before the convolutions; 1 is the paper's size."""
-    shared: bool = False
-    """Whether policy and critic share the convolutions."""
-
-    @property
-    def eyes(self) -> Eyes:
-        """The convolutions of a `cnn`."""
-        return EYES[self.conv] if isinstance(self.conv, str) else Eyes(self.conv)
+    threshold: float = Field(0.0, ge=0)
+    """ζ: a teacher's sample is learned from where y − Q > ζ, in the iterations with a teacher."""
+    memory: int = Field(20_000, gt=0)
+    """Transitions a seed keeps; the oldest iterations go first."""
+    gradient_steps: int = Field(1000, gt=0)
+    """Minibatches an iteration, drawn from all that is kept; the network behind their targets is
+    that of the iteration's beginning."""
+    first_epsilon: float = Field(1.0, ge=0, le=1)
+    """ε of the first iteration: how often the student acts at random."""
+    last_epsilon: float = Field(0.05, ge=0, le=1)
+    """ε that it falls to in a straight line."""
+    epsilon_iterations: int = Field(10, gt=0)
+    """Iterations after which it is there."""
 
 
 class EvalConfig(Settings):

@@ -31,9 +31,11 @@ class Run:
 
     @property
     def label(self) -> str:
-        """The method and, if it had any, its teachers."""
+        """The method, its teachers if it had any, and the algorithm if it was not PPO."""
         teachers = " and ".join(teacher["name"] for teacher in self.record["teachers"])
-        return f"{self.method} from {teachers}" if teachers else self.method
+        algorithm = self.record.get("algorithm", "ppo")
+        name = self.method if algorithm == "ppo" else f"{algorithm} {self.method}"
+        return f"{name} from {teachers}" if teachers else name
 
     @property
     def returns(self) -> np.ndarray:

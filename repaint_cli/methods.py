@@ -49,3 +49,9 @@ METHODS = {
         "both in one update (algorithm 1)", kickstart=True, instance=True, joint=True
     ),
 }
+
+ALGORITHMS = {
+    "ppo": ("repaint", *(name for name in METHODS if name != "repaint")),
+    "q-learning": ("instance", "scratch"),
+}
+"""Methods that each algorithm knows; the first is its default."""

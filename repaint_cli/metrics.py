@@ -17,7 +17,7 @@ COLUMNS = (
     "eval_progress", "episode_return", "episode_length", "policy_loss", "value_loss", "entropy",
     "approx_kl", "clip_fraction", "explained_variance", "kickstart_coef", "cross_entropy",
     "kept_fraction", "kept_advantage", "kept_reward", "kept_clip_fraction", "student_reward",
-    "log_ratio", "steps_per_second", "seconds",
+    "log_ratio", "q_value", "epsilon", "steps_per_second", "seconds",
 )  # fmt: skip
 """Of metrics.csv, one row per iteration and seed."""
 

@@ -19,7 +19,7 @@ import torch
 import torch.nn.functional as F  # noqa: N812
 from torch import Tensor
 
-from repaint_cli.config import NetConfig
+from repaint_cli.architecture import NetConfig
 from repaint_cli.distributions import Categorical, Distribution, Gaussian
 from repaint_cli.errors import CardError
 from repaint_cli.normalizer import Normalizer
@@ -104,6 +104,10 @@ class ActorCritic:
         if self.spaces.discrete:
             return Categorical.from_logits(out)
         return Gaussian(out, self.weights["policy.log_std"].unsqueeze(1))
+
+    def q_values(self, obs: Any, counts: Sequence[int] | None = None) -> Tensor:
+        """Return Q(s, ·), (S, B, A): what a policy over numbered actions has as its logits."""
+        return self._forward("policy", obs, counts)
 
     def value(self, obs: Any, counts: Sequence[int] | None = None) -> Tensor:
         """Return V(s), (S, B), for raw observations (S, B, *O); see `policy`."""

@@ -14,9 +14,9 @@ from repaint_cli.config import TransferConfig
 from repaint_cli.errors import StoreError, telling_where
 from repaint_cli.evaluate import evaluate, spaces_of
 from repaint_cli.files import write_text
+from repaint_cli.learn import q_learning, trainer
 from repaint_cli.learn.learner import Learner
 from repaint_cli.learn.seeding import Purpose
-from repaint_cli.learn.trainer import train
 from repaint_cli.methods import METHODS
 from repaint_cli.metrics import COLUMNS, Report, append_csv
 from repaint_cli.nets import ActorCritic
@@ -33,6 +33,9 @@ CHECKPOINT = "checkpoint.safetensors"
 BEST = "best"
 """Name of the best evaluated policy of a run so far, a teacher in the run's folder."""
 
+ALGORITHMS = {"ppo": trainer.train, "q-learning": q_learning.train}
+"""The loops that learn; that of PPO knows the other policy gradients, too."""
+
 SCORE_EPISODES = {"gymnasium": 100, "racer": 20}
 """Episodes in a teacher's score, by simulator."""
 
@@ -48,6 +51,8 @@ class Plan:
     teachers: tuple[Path, ...] = ()
     acting: tuple[Path, ...] | None = None
     """Those whose own samples are learned from; all of them where absent."""
+    algorithm: str = "ppo"
+    """Who learns, by its name in `ALGORITHMS`."""
 
     @property
     def transfer(self) -> TransferConfig:
@@ -75,10 +80,13 @@ class Experiment:
         self.plan, task, method = plan, plan.target, METHODS[plan.method]
         spaces = spaces_of(task)
         task.check_rollout()
+        if plan.algorithm == "q-learning":
+            q_learning.check(task, spaces)
         student = ActorCritic(spaces, task.net, len(plan.seeds))
         self.learner = Learner.fresh(student, plan.seeds, task.ppo.learning_rate)
         paths = plan.teachers if method.needs_teacher else ()
-        self.staff = load_staff(paths, plan.acting, task, spaces, len(plan.seeds))
+        beside = int(plan.algorithm == "q-learning")
+        self.staff = load_staff(paths, plan.acting, task, spaces, len(plan.seeds), beside)
         if method.warm_start:
             warm_start(student, self.staff, task)
         self.reports: list[Report] = []
@@ -109,7 +117,7 @@ class Experiment:
         started, state = perf_counter(), "interrupted"
         learner, task = self.learner, self.plan.target
         try:
-            for stats in train(task, learner, self.staff.teachers):
+            for stats in ALGORITHMS[self.plan.algorithm](task, learner, self.staff.teachers):
                 k = stats.iteration
                 with telling_where(learner.seeds, f"evaluation after iteration {k}"):
                     played = evaluate(learner.student, task, learner.seeds, task.eval.episodes, k)
@@ -151,6 +159,7 @@ class Experiment:
         record = {
             "schema_version": 2,
             "state": state,
+            "algorithm": plan.algorithm,
             "method": plan.method,
             "teachers": self.staff.record,
             "seeds": plan.seeds,

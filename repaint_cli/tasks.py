@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import Field, ValidationError, field_validator, model_validator
 
+from repaint_cli.architecture import NetConfig
 from repaint_cli.config import (
     EvalConfig,
-    NetConfig,
     PPOConfig,
+    QLearningConfig,
     SelectConfig,
     Settings,
     TransferConfig,
@@ -54,6 +55,8 @@ class TaskCard(Settings):
     """The teacher's part."""
     select: SelectConfig = Field(default_factory=SelectConfig)
     """Experience selection."""
+    q_learning: QLearningConfig = Field(default_factory=QLearningConfig)
+    """Q-learning in place of PPO."""
     eval: EvalConfig = Field(default_factory=EvalConfig)
     """Evaluation."""
 

@@ -29,7 +29,12 @@ class Staff:
 
 
 def load_staff(
-    paths: Sequence[Path], acting: Sequence[Path] | None, task: TaskCard, spaces: Spaces, seeds: int
+    paths: Sequence[Path],
+    acting: Sequence[Path] | None,
+    task: TaskCard,
+    spaces: Spaces,
+    seeds: int,
+    beside: int = 0,
 ) -> Staff:
     """Load teachers for a task.
 
@@ -39,6 +44,7 @@ def load_staff(
         task: the target task, with what the method leaves of its transfer settings.
         spaces: what its policies read and write.
         seeds: S.
+        beside: 1 where the student acts in the teachers' iterations, too, and shares their steps.
 
     Raises:
         TeacherMismatch: one of them does not fit the task, with a line for each.
@@ -49,6 +55,7 @@ def load_staff(
     zoo.check_fits(cards, task, spaces)
     acts = [acting is None or path in acting for path in paths]
     _check_numbers(task, len(paths), sum(acts))
+    _check_shares(task, sum(acts), beside)
     _check_relevance(task, cards, spaces)
     teachers, record = list[Teacher](), list[dict[str, object]]()
     for path, card, act in zip(paths, cards, acts, strict=True):
@@ -70,6 +77,18 @@ def _check_numbers(task: TaskCard, n_teachers: int, n_acting: int) -> None:
         raise CardError(
             f"expected transfer.teacher_episodes of at least {n_acting}, one for each teacher that "
             f"gives instances, found {episodes}; try --set transfer.teacher_episodes={n_acting}"
+        )
+
+
+def _check_shares(task: TaskCard, n_acting: int, beside: int) -> None:
+    """Check that everybody's share of an iteration's steps is longer than an episode."""
+    if task.ppo.n_steps is None or task.ppo.n_episodes or not (task.transfer.instance and n_acting):
+        return
+    sharing, need = n_acting + beside, task.env.longest_episode() + 1
+    if task.ppo.n_steps // sharing < need * max(1, task.ppo.n_envs // sharing):
+        raise CardError(
+            f"expected ppo.n_steps of at least {sharing * need}, which {sharing} share, each with "
+            f"an episode of {need - 1} and a step; found {task.ppo.n_steps}"
         )
 
 

@@ -6,9 +6,11 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 from torch.testing import assert_close
 
-from repaint_cli.config import NetConfig, PPOConfig
+from repaint_cli.architecture import NetConfig
+from repaint_cli.config import PPOConfig
 from repaint_cli.learn import advantages as module
-from repaint_cli.learn.advantages import Samples, describe, front, gae, to_samples, together
+from repaint_cli.learn.advantages import Samples, describe, gae, to_samples
+from repaint_cli.learn.batches import front
 from repaint_cli.learn.frames import Frames
 from repaint_cli.learn.tape import Rollout
 from repaint_cli.nets import ActorCritic
@@ -247,7 +249,7 @@ def test_the_first_samples_of_each_seed():
 
 def test_batches_together_keep_order_and_what_each_sample_saw():
     parts = [samples_of(counts=[6, 2], seed=1), samples_of(counts=[1, 5], seed=2)]
-    whole = together(parts)
+    whole = Samples.together(parts)
     assert whole.counts.tolist() == [7, 7]
     for s in range(2):
         for name in ("actions", "advantages", "rewards"):
@@ -255,4 +257,4 @@ def test_batches_together_keep_order_and_what_each_sample_saw():
             assert torch.equal(getattr(whole, name)[s], torch.cat(rows))
         seen = [part.frames.take(part.rows)[s, : part.counts[s]] for part in parts]
         assert torch.equal(whole.frames.take(whole.rows)[s], torch.cat(seen))
-    assert together(parts[:1]) is parts[0]
+    assert Samples.together(parts[:1]) is parts[0]

@@ -9,7 +9,8 @@ import torch
 from numpy.testing import assert_allclose
 from torch.testing import assert_close
 
-from repaint_cli.config import NetConfig, PPOConfig
+from repaint_cli.architecture import NetConfig
+from repaint_cli.config import PPOConfig
 from repaint_cli.distributions import Categorical, Gaussian
 from repaint_cli.errors import DivergedError
 from repaint_cli.learn import by_hand, update

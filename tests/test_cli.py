@@ -21,6 +21,7 @@ from repaint_cli.errors import RenderError
 from repaint_cli.learn.trainer import IterationStats
 from repaint_cli.metrics import Report
 from repaint_cli.runs import Experiment, Plan
+from repaint_cli.spaces import Spaces
 
 SCRATCH = ["transfer", "--task", "reacher", "--method", "scratch", *QUICK]
 
@@ -254,6 +255,23 @@ def test_several_teachers_of_other_networks_with_a_beta_each(repaint, home):
     assert record["transfer"]["kickstart_coef"] == [0.2, 0.1]
     assert repaint("compare", "run").code == 0
     assert "repaint from old-hand and narrow" in repaint("compare", "run").out
+
+
+QUICK_Q = ["--set", "q_learning.gradient_steps=5", "--set", "ppo.n_steps=1004"]
+
+
+def test_q_learning_is_an_algorithm_with_instances_or_without(repaint, home):
+    spaces = Spaces((4,), 2, True)
+    add_teacher(home / "home" / "zoo", "balancer", task="cartpole", spaces=spaces)
+    words = ["transfer", "--task", "cartpole", "--algorithm", "q-learning", *QUICK_Q]
+    words += ["--iterations", 2, "--eval-episodes", 2, "--set", "ppo.n_envs=2"]
+    assert repaint(*words, "--teacher", "balancer", "--threshold", 0.5, "--run", "one").code == 0
+    record = json.loads((home / "one" / "run.json").read_text())
+    assert (record["algorithm"], record["method"]) == ("q-learning", "instance")
+    assert record["task"]["q_learning"]["threshold"] == 0.5
+    assert repaint(*words, "--method", "scratch", "--run", "two").code == 0
+    assert "q-learning instance from balancer" in repaint("compare", "one", "two").out
+    assert repaint("eval", "one").code == 0
 
 
 @pytest.mark.parametrize(

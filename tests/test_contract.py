@@ -96,8 +96,13 @@ def test_a_time_limit_truncates_and_does_not_terminate(card):
         drive = np.full(N, 2)  # straight on, slowly: neither stuck nor off the track nor into a bot
     else:
         env = card.make_env(N)
-        env.reset(seed=[1, 2])
-        drive = np.zeros((N, env.single_action_space.shape[0]))
-    ends = [env.step(drive)[2:4] for _ in range(limit)]
+        obs, _ = env.reset(seed=[1, 2])
+        drive = np.zeros((N, *env.single_action_space.shape), int)
+    ends = []
+    for _ in range(limit):
+        if card.env.simulator == "gymnasium" and card.env.id == "CartPole-v1":
+            drive = np.int64(obs @ [0.05, 0.1, 1.0, 0.5] > 0)  # push under where the pole falls
+        obs, _, *over, _ = env.step(drive)
+        ends.append(over)
     assert not np.any(ends[:-1])
     assert_array_equal(ends[-1], [[False] * N, [True] * N])

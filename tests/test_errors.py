@@ -75,6 +75,7 @@ NAMES = [
     (["compare", "nowhere"], "expected a run's folder with run.json, found none at nowhere"),
     (["tasks", "show", "qqq"], "unknown task 'qqq'; see: repaint tasks list"),
     (["zoo", "show", "qqq"], "unknown teacher 'qqq'; see: repaint zoo list"),
+    ([*TRANSFER, "--algorithm", "q"], "unknown algorithm 'q'"),
     ([*TRANSFER, "--preset", "coatch"],
      "unknown preset 'coatch'; did you mean coach"),
     (["zoo", "verify", "qqq"], "unknown teacher 'qqq'; see: repaint zoo list"),
@@ -142,7 +143,16 @@ SETTINGS += [
         ("repaint-joint", "--ratio", "2:1"),
     )
 ]  # fmt: skip
+BY_Q = [*TRANSFER, "--algorithm", "q-learning"]
 SETTINGS += [
+    (BY_Q, "expected numbered actions for q-learning, found 10 observations and 2 continuous"),
+    ([*BY_Q, "--method", "repaint"],
+     "expected --method instance or scratch with --algorithm q-learning, found 'repaint'"),
+    (["transfer", "--task", "reacher", *["--teacher", "old-hand"] * 4, "--set", "ppo.n_steps=200",
+      "--set", "ppo.n_envs=2"], "expected ppo.n_steps of at least 204, which 4 share, .*found 200"),
+    ([*BY_Q, "--ratio", "1:1"],
+     "expected an option that method 'instance' of q-learning uses, found --ratio"),
+    ([*BY_Q, "--threshold", -1], "q_learning.threshold: .*greater than .*, found -1"),
     ([*TRANSFER, "--beta", "0.2,x"], "expected --beta as a number, or one for each teacher"),
     ([*TRANSFER, "--beta", "0.2,0.1"],
      "expected one --beta, or one for each of 1 teachers, found 2"),

@@ -10,6 +10,7 @@ from repaint_cli.paths import PACKAGE
 FLOORS = [
     {"repaint_cli", "errors", "paths", "config", "kernels", "presets"},
     {
+        "architecture",
         "deepracer",
         "files",
         "envs",

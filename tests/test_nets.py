@@ -9,7 +9,8 @@ from hypothesis.extra.numpy import arrays
 from torch import nn
 from torch.testing import assert_close
 
-from repaint_cli.config import NetConfig, PPOConfig
+from repaint_cli.architecture import NetConfig
+from repaint_cli.config import PPOConfig
 from repaint_cli.errors import CardError
 from repaint_cli.learn.advantages import Samples
 from repaint_cli.learn.frames import Frames

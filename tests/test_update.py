@@ -8,11 +8,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from torch.testing import assert_close
 
-from repaint_cli.config import NetConfig, PPOConfig
+from repaint_cli.architecture import NetConfig
+from repaint_cli.config import PPOConfig
 from repaint_cli.distributions import Gaussian
 from repaint_cli.errors import DivergedError
 from repaint_cli.learn import update
-from repaint_cli.learn.advantages import Samples, front
+from repaint_cli.learn.advantages import Samples
+from repaint_cli.learn.batches import front
 from repaint_cli.learn.frames import Frames
 from repaint_cli.learn.objectives import instance_loss, masked_mean, representation_loss
 from repaint_cli.learn.optimizer import RowAdam

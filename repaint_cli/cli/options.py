@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from repaint_cli.errors import CardError, NotFound
-from repaint_cli.methods import METHODS
+from repaint_cli.methods import ALGORITHMS, METHODS
 from repaint_cli.presets import PRESETS
 
 if TYPE_CHECKING:
@@ -122,28 +122,47 @@ def epochs_of(objective: str | None) -> int | None:
     return 1 if objective in ("a2c", "reinforce") else None
 
 
-def check_method(name: str, **given: object) -> None:
-    """Check that there is such a method, and that it uses the options it is given.
+def method_for(algorithm: str, method: str | None) -> str:
+    """Return the method's name, an algorithm's own default where none is given.
 
     Raises:
-        NotFound: there is no such method.
-        CardError: it leaves out what an option is about.
+        NotFound: there is no such algorithm or method.
+        CardError: they do not go together.
     """
+    if algorithm not in ALGORITHMS:
+        raise NotFound.named("algorithm", algorithm, ALGORITHMS, "repaint transfer --help")
+    usual, *others = ALGORITHMS[algorithm]
+    name = method or usual
     if name not in METHODS:
         raise NotFound.named("method", name, METHODS, "repaint transfer --help")
+    if name not in (usual, *others):
+        known = " or ".join((usual, *others))
+        raise CardError(f"expected --method {known} with --algorithm {algorithm}, found '{name}'")
+    return name
+
+
+def check_method(name: str, algorithm: str = "ppo", **given: object) -> None:
+    """Check that a method uses the options it is given.
+
+    Raises:
+        CardError: it leaves out what an option is about.
+    """
     method = METHODS[name]
+    by_gradient = algorithm == "ppo"
     used = {
-        "ratio": method.alternates,
+        "ratio": method.alternates and by_gradient,
         "beta": method.kickstart,
         "beta_decay": method.kickstart,
-        "select": method.instance,
+        "select": method.instance and by_gradient,
+        "objective": by_gradient,
         "threshold": method.instance,
         "instances_from": method.instance,
         "transfer_iterations": method.kickstart or method.instance,
     }
+    what = f"method '{name}'" + ("" if by_gradient else f" of {algorithm}")
     for option, value in given.items():
         if value is not None and not used[option]:
             raise CardError(
-                f"expected an option that method '{name}' uses, found "
+                f"expected an option that {what} uses, found "
                 f"--{option.replace('_', '-')}; leave it out or choose another --method"
             )

@@ -16,7 +16,10 @@ def transfer(
         list[str] | None,
         typer.Option(help="A teacher's name (repaint zoo list) or file; again for several."),
     ] = None,
-    method: Annotated[str, typer.Option(help=METHOD_HELP)] = "repaint",
+    method: Annotated[str | None, typer.Option(help=f"{METHOD_HELP} Default: repaint.")] = None,
+    algorithm: Annotated[
+        str, typer.Option(help="ppo; or q-learning, with --method instance (default) or scratch.")
+    ] = "ppo",
     ratio: Annotated[
         str | None, typer.Option(help="R:I, R representation then I instance iterations.")
     ] = None,
@@ -58,22 +61,28 @@ def transfer(
     from repaint_cli.cli.session import carry_out, find_acting, find_teachers, new_folder
     from repaint_cli.runs import Plan
 
+    method = options.method_for(algorithm, method)
+    by_q = algorithm == "q-learning"
     options.check_method(
-        method, ratio=ratio, beta=beta, beta_decay=beta_decay, select=select, threshold=threshold,
-        instances_from=instances_from or None, transfer_iterations=transfer_iterations,
+        method, algorithm, ratio=ratio, beta=beta, beta_decay=beta_decay, select=select,
+        objective=objective, threshold=threshold, instances_from=instances_from or None,
+        transfer_iterations=transfer_iterations,
     )  # fmt: skip
     representation, instance = options.parse_ratio(ratio)
     card = options.customize(
         read_task(task), settings, preset,
         ppo__n_iterations=iterations, ppo__objective=objective,
         ppo__n_epochs=options.epochs_of(objective), eval__episodes=eval_episodes,
-        select__rule=select, select__threshold=threshold,
+        select__rule=select,
+        select__threshold=None if by_q else threshold,
+        q_learning__threshold=threshold if by_q else None,
         transfer__kickstart_coef=options.parse_betas(beta), transfer__kickstart_decay=beta_decay,
         transfer__representation=representation, transfer__instance=instance,
         transfer__iterations=transfer_iterations,
     )  # fmt: skip
     teachers = find_teachers(teacher, method)
-    folder = new_folder(run, card.name, "-".join([method, *(path.stem for path in teachers)]))
+    parts = [algorithm] * by_q + [method, *(path.stem for path in teachers)]
+    folder = new_folder(run, card.name, "-".join(parts))
     acting = find_acting(instances_from, teachers)
-    plan = Plan(card, method, options.seed_list(seed, seeds), folder, teachers, acting)
+    plan = Plan(card, method, options.seed_list(seed, seeds), folder, teachers, acting, algorithm)
     carry_out(plan, tensorboard)

@@ -12,6 +12,7 @@ from repaint_cli.errors import CardError
 class RewardTerms(VectorWrapper):
     """Replace an environment's reward by w·φ, with φ read from its `info`.
 
+    A term called `reward` is the environment's own reward, unless its info has one of that name.
     Every step's info gains `reward_terms`, (N, F) float64 in the order of the weights. Steps that
     only reset an environment have φ = 0.
     """
@@ -33,7 +34,8 @@ class RewardTerms(VectorWrapper):
         Raises:
             CardError: the environment does not report one of the terms.
         """
-        obs, _, terminated, truncated, info = self.env.step(actions)
+        obs, own, terminated, truncated, info = self.env.step(actions)
+        info.setdefault("reward", own)
         terms = np.zeros((self.num_envs, len(self.names)))  # (N, F)
         if not self._ended.all():
             for column, name in enumerate(self.names):

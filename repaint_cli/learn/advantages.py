@@ -9,7 +9,8 @@ import torch
 from torch import Tensor
 
 from repaint_cli.config import PPOConfig
-from repaint_cli.distributions import Distribution, joined, side_by_side
+from repaint_cli.distributions import Distribution, joined
+from repaint_cli.learn.batches import Batch
 from repaint_cli.learn.frames import Frames
 from repaint_cli.learn.rollout import Policy
 from repaint_cli.learn.tape import Rollout
@@ -22,12 +23,8 @@ Value = Callable[[Any, Sequence[int]], Tensor]
 """Maps observations (S, B, *O), of which the first counts[s] are real, to V, (S, B)."""
 
 
-PER_SAMPLE = ("rows", "actions", "behavior_log_probs", "advantages", "returns", "rewards")
-"""The fields of `Samples` with an entry per sample."""
-
-
 @dataclass(frozen=True)
-class Samples:
+class Samples(Batch):
     """Transitions without order, ready for minibatches; each seed's first counts[s] are real."""
 
     frames: Frames
@@ -50,55 +47,10 @@ class Samples:
     """μ(·|s), (S, B), where the objective asks for more of it than log μ(a|s)."""
 
     def __post_init__(self) -> None:
-        for name in PER_SAMPLE:
-            shape = tuple(getattr(self, name).shape[:2])
-            if shape != tuple(self.rows.shape):
-                raise ValueError(f"{name} is {shape}, rows are {tuple(self.rows.shape)}")
-
-    @property
-    def mask(self) -> Tensor:
-        """Which are real, (S, B) bool."""
-        return torch.arange(self.rows.shape[1]) < self.counts.unsqueeze(1)
-
-    def pick(self, positions: Tensor, counts: Tensor) -> "Samples":
-        """Return the samples at positions (S, K), of which each seed's first counts[s] are real."""
-        seeds = torch.arange(len(positions)).unsqueeze(1)
-        parts = {name: getattr(self, name)[seeds, positions] for name in PER_SAMPLE}
-        behavior = None if self.behavior is None else self.behavior[seeds, positions]
-        return Samples(frames=self.frames, counts=counts, behavior=behavior, **parts)
-
-    def first(self, n: int) -> "Samples":
-        """Return at most the first n samples of each seed."""
-        counts = self.counts.clamp(max=n)
-        positions = torch.arange(int(counts.max())).expand(len(counts), -1)
-        return self.pick(positions, counts)
-
-
-def together(parts: Sequence[Samples]) -> Samples:
-    """Return the samples of several batches as one, each seed's in order."""
-    if len(parts) == 1:
-        return parts[0]
-    before = torch.zeros(len(parts[0].counts), 1, dtype=torch.int64)
-    fields = dict[str, list[Tensor]]()
-    for part in parts:
-        for name in PER_SAMPLE:
-            values = getattr(part, name)
-            fields.setdefault(name, []).append(values + before if name == "rows" else values)
-        before = before + part.frames.sizes.unsqueeze(1)
-    behaviors = [part.behavior for part in parts if part.behavior is not None]
-    whole = Samples(
-        frames=Frames.together([part.frames for part in parts]),
-        counts=torch.full((len(before),), sum(part.rows.shape[1] for part in parts)),
-        behavior=side_by_side(behaviors) if behaviors else None,
-        **{name: torch.cat(values, 1) for name, values in fields.items()},
-    )
-    return whole.pick(*front(torch.cat([part.mask for part in parts], 1)))
-
-
-def front(kept: Tensor) -> tuple[Tensor, Tensor]:
-    """Return the positions of what is kept (S, B), in order, (S, K), and their counts, (S,)."""
-    counts = kept.sum(1)
-    return torch.argsort(~kept, dim=1, stable=True)[:, : int(counts.max())], counts
+        for name, part in self.parts.items():
+            if isinstance(part, Tensor) and part.shape[:2] != self.rows.shape:
+                found, wanted = tuple(part.shape[:2]), tuple(self.rows.shape)
+                raise ValueError(f"{name} is {found}, rows are {wanted}")
 
 
 def gae(

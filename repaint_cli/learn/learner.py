@@ -1,6 +1,7 @@
 """All that changes while seeds learn, and how they act and remember."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import torch
@@ -48,37 +49,72 @@ class Learner:
         nothing = (torch.zeros(n, 1), torch.ones(n, 1))
         return cls(student, optimizer, seeds, 0, np.zeros(n, int), nothing, torch.zeros(n))
 
-    def act(self, task: TaskCard, k: int) -> Rollout:
-        """Let the students act, as many steps or episodes as the card says."""
+    def act(
+        self, task: TaskCard, k: int, policy: Policy | None = None, *, beside: int = 0
+    ) -> Rollout:
+        """Let the students act, as many steps or episodes as the card says.
+
+        Args:
+            task: the target task.
+            k: the iteration.
+            policy: how they act; by their policies where absent.
+            beside: how many teachers act in the same iteration and share its steps.
+        """
         ppo = task.ppo
-        n_envs = ppo.n_episodes or ppo.n_envs
-        one_episode = ppo.n_episodes is not None
-        env, obs = start(task, self.seeds, n_envs, Purpose.TRAIN, k, one_episode=one_episode)
-        rngs = [generator(seed, Purpose.ACT, k) for seed in self.seeds]
-        rollout = collect(
-            env, obs, self.student.policy, rngs, n_steps=None if one_episode else ppo.n_steps,
+        return self._roll(
+            task, k, policy or self.student.policy, (Purpose.TRAIN, Purpose.ACT),
+            n_steps=None if ppo.n_episodes else _part(ppo.n_steps, 0, 1 + beside),
+            n_envs=ppo.n_episodes or max(1, ppo.n_envs // (1 + beside)),
             whole=ppo.whole_episodes, record=task.env.records,
         )  # fmt: skip
-        env.close()
-        self.env_steps += rollout.valid.sum((0, 2))
-        return rollout
 
     def watch(
-        self, task: TaskCard, k: int, policy: Policy, *, which: int = 0, of: int = 1
+        self,
+        task: TaskCard,
+        k: int,
+        policy: Policy,
+        *,
+        which: int = 0,
+        of: int = 1,
+        beside: int = 0,
     ) -> Rollout:
-        """Let a teacher act, one of several that share an iteration's steps or episodes."""
-        n_steps, n_envs = None, task.transfer.teacher_episodes
-        if task.ppo.n_episodes is None:
-            assert task.ppo.n_steps is not None
-            n_steps, n_envs = _part(task.ppo.n_steps, which, of), max(1, task.ppo.n_envs // of)
-        else:
-            n_envs = _part(n_envs, which, of)
-        env, obs = start(
-            task, self.seeds, n_envs, Purpose.TEACHER, k,
-            stream=which, one_episode=n_steps is None,
+        """Let a teacher act, one of several that share an iteration's steps or episodes.
+
+        Args:
+            task: the target task.
+            k: the iteration.
+            policy: the teacher's.
+            which: its number, from 0.
+            of: how many teachers there are.
+            beside: 1 where the student acts in the same iteration.
+        """
+        ppo, episodes = task.ppo, task.transfer.teacher_episodes
+        return self._roll(
+            task, k, policy, (Purpose.TEACHER, Purpose.ACT_AS_TEACHER), stream=which,
+            n_steps=None if ppo.n_episodes else _part(ppo.n_steps, which + beside, of + beside),
+            n_envs=_part(episodes, which, of)
+            if ppo.n_episodes
+            else max(1, ppo.n_envs // (of + beside)),
         )  # fmt: skip
-        rngs = [generator(seed, Purpose.ACT_AS_TEACHER, k, which) for seed in self.seeds]
-        rollout = collect(env, obs, policy, rngs, n_steps=n_steps)
+
+    def _roll(
+        self,
+        task: TaskCard,
+        k: int,
+        policy: Policy,
+        purposes: tuple[Purpose, Purpose],
+        *,
+        n_steps: int | None,
+        n_envs: int,
+        stream: int = 0,
+        **options: Any,
+    ) -> Rollout:
+        """Roll a policy out in fresh environments; `purposes` name their seeds and the noise."""
+        env, obs = start(
+            task, self.seeds, n_envs, purposes[0], k, stream=stream, one_episode=n_steps is None
+        )
+        rngs = [generator(seed, purposes[1], k, stream) for seed in self.seeds]
+        rollout = collect(env, obs, policy, rngs, n_steps=n_steps, **options)
         env.close()
         self.env_steps += rollout.valid.sum((0, 2))
         return rollout
@@ -96,6 +132,7 @@ class Learner:
         self.last_batch = batch
 
 
-def _part(total: int, which: int, of: int) -> int:
+def _part(total: int | None, which: int, of: int) -> int:
     """Return what falls to one of several who share evenly, the first of them first."""
+    assert total is not None
     return total // of + (which < total % of)

@@ -11,7 +11,8 @@ import torch
 from torch import Tensor
 
 from repaint_cli.config import SelectConfig
-from repaint_cli.learn.advantages import Samples, front
+from repaint_cli.learn.advantages import Samples
+from repaint_cli.learn.batches import front
 
 Moments = tuple[Tensor, Tensor]
 """Mean and standard deviation of a batch of advantages, (S, 1) each."""

@@ -9,7 +9,7 @@ import torch
 from repaint_cli.config import TransferConfig
 from repaint_cli.distributions import Distribution, blend
 from repaint_cli.learn import schedules
-from repaint_cli.learn.advantages import Samples, describe, to_samples, together
+from repaint_cli.learn.advantages import Samples, describe, to_samples
 from repaint_cli.learn.learner import Learner
 from repaint_cli.learn.objectives import masked_mean
 from repaint_cli.learn.relevance import relevance
@@ -89,7 +89,7 @@ def transfer_instances(
             replace(part, behavior=describe(policy, part))
             for part, policy in zip(parts, policies, strict=True)
         ]
-    samples = together(parts)
+    samples = Samples.together(parts)
     scaled = rescale(samples, task.select.scale, learner.last_moments)
     chosen = select(
         scaled, task.select, schedules.threshold(k, task.select, task.transfer),

@@ -126,8 +126,8 @@ def _on_policy_iteration(
         learner.last_moments = moments(to_samples(rollout, student.value, ppo))  # judged anew
     numbers["kickstart_coef"] = np.full(student.n_seeds, sum(betas))
     numbers["explained_variance"] = explained.numpy()
-    numbers |= _episode_numbers(rollout, student.n_seeds)
-    return numbers, replace(rollout, frames=Frames([]))
+    numbers |= episode_numbers(rollout, student.n_seeds)
+    return numbers, without_sights(rollout)
 
 
 def _own_samples(student: ActorCritic, rollout: Rollout, ppo: PPOConfig) -> Samples:
@@ -177,7 +177,7 @@ def _fit(
     return numbers | learn(replace(batch, advantages=judged.advantages), "policy")
 
 
-def _episode_numbers(rollout: Rollout, n_seeds: int) -> dict[str, np.ndarray]:
+def episode_numbers(rollout: Rollout, n_seeds: int) -> dict[str, np.ndarray]:
     """Return each seed's mean return and length of the episodes that ended, nan of none, (S,)."""
     seeds, returns, lengths = rollout.episodes()
     ended = np.bincount(seeds, minlength=n_seeds)
@@ -186,6 +186,11 @@ def _episode_numbers(rollout: Rollout, n_seeds: int) -> dict[str, np.ndarray]:
             "episode_return": np.bincount(seeds, returns, n_seeds) / ended,
             "episode_length": np.bincount(seeds, lengths, n_seeds) / ended,
         }
+
+
+def without_sights(rollout: Rollout) -> Rollout:
+    """Return a rollout without its observations, which fill memory and no table."""
+    return replace(rollout, frames=Frames([]))
 
 
 def _shuffles(learner: Learner, k: int) -> list[np.random.Generator]:

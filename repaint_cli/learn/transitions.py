@@ -7,12 +7,13 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from repaint_cli.learn.batches import Batch
 from repaint_cli.learn.frames import Frames
 from repaint_cli.learn.tape import Rollout
 
 
 @dataclass(frozen=True)
-class Transitions:
+class Transitions(Batch):
     """What followed what; each seed's first counts[s] are real."""
 
     frames: Frames

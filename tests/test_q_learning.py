@@ -1,0 +1,153 @@
+import numpy as np
+import pytest
+import torch
+from tiny_learners import learner_of, stranger, taught_by, transferring, with_transfer
+from tiny_tasks import guess, reach
+from torch.testing import assert_close
+
+from repaint_cli.config import QLearningConfig
+from repaint_cli.errors import CardError
+from repaint_cli.evaluate import evaluate
+from repaint_cli.learn.frames import Frames
+from repaint_cli.learn.q_learning import Experience, _Memory, epsilon, epsilon_greedy, q_loss, train
+
+Q = {"memory": 500, "gradient_steps": 20, "epsilon_iterations": 2}
+
+
+def learning(task, **settings):
+    return task.model_copy(update={"q_learning": QLearningConfig(**Q | settings)})
+
+
+class Table:
+    """Q by the number of the state, (states, actions), as a network would tell it."""
+
+    def __init__(self, *rows):
+        self.values = torch.tensor(rows, requires_grad=True)
+
+    def q_values(self, obs, counts):
+        return self.values[obs[..., 0].long()]
+
+
+def experience(*rows, teacher=()):
+    """Of (s, a, r, s′, terminated), one seed."""
+    s, a, r, after, over = zip(*rows, strict=True)
+    states = torch.arange(9.0).unsqueeze(1)
+    who = torch.tensor([[i in teacher for i in range(len(rows))]])
+    return Experience(
+        Frames([states]), torch.tensor([s]), torch.tensor([after]), torch.tensor([a]),
+        torch.tensor([r]), torch.tensor([over]), torch.tensor([len(rows)]), who,
+    )  # fmt: skip
+
+
+ROWS = [(0, 1, 1.0, 1, False), (1, 0, 2.0, 0, True)]
+ONLINE, TARGET = ((1.0, 2.0), (3.0, 4.0)), ((5.0, 6.0), (7.0, 8.0))
+
+
+def test_the_loss_by_hand():
+    # y = 1 + 0.5·8 = 5 and 2; Q = 2 and 3: ½·(9 + 1)/2
+    student = Table(*ONLINE)
+    loss, kept, numbers = q_loss(student, Table(*TARGET), experience(*ROWS), 0.5, None)
+    assert_close(loss.detach(), torch.tensor([2.5]))
+    assert kept.tolist() == [2]
+    assert_close(numbers["q_value"].detach(), torch.tensor([2.5]))
+    loss.sum().backward()
+    assert_close(student.values.grad, torch.tensor([[0.0, -1.5], [0.5, 0.0]]))
+
+
+@pytest.mark.parametrize(
+    ("teacher", "threshold", "loss", "kept"),
+    [
+        ((0, 1), 0.0, 4.5, 1),  # y − Q = 3 and −1
+        ((0, 1), 3.0, 0.0, 0),  # not more than ζ
+        ((1,), 0.0, 4.5, 1),
+        ((0,), 0.0, 2.5, 2),  # the student's own are never left out
+        ((0, 1), None, 2.5, 2),  # nor anybody's once the teacher has gone
+    ],
+)
+def test_of_a_teachers_samples_those_above_zeta_count(teacher, threshold, loss, kept):
+    batch = experience(*ROWS, teacher=teacher)
+    found, counted, _ = q_loss(Table(*ONLINE), Table(*TARGET), batch, 0.5, threshold)
+    assert_close(found.detach(), torch.tensor([loss]))
+    assert counted.tolist() == [kept]
+
+
+def test_epsilon_falls_in_a_straight_line_and_stays():
+    config = QLearningConfig(first_epsilon=1.0, last_epsilon=0.2, epsilon_iterations=4)
+    found = [epsilon(k, config) for k in range(1, 7)]
+    assert found == pytest.approx([1.0, 0.8, 0.6, 0.4, 0.2, 0.2])
+
+
+def test_epsilon_greedy_takes_the_best_and_otherwise_any():
+    student = Table((1.0, 3.0, 2.0))
+    obs = torch.zeros(1, 1, 1)
+    chances = epsilon_greedy(student, 0.3)(obs, [1]).log_probs.exp()
+    assert_close(chances.detach(), torch.tensor([[[0.1, 0.8, 0.1]]]))
+    greedy = epsilon_greedy(student, 0.0)(obs, [1])
+    noise = torch.from_numpy(greedy.noise(np.random.default_rng(0), (1, 1, 3)))
+    assert greedy.sample(noise).item() == 1
+
+
+def test_memory_forgets_whole_iterations_the_oldest_first():
+    task = guess(n_episodes=6)
+    learner, memory, sizes = learner_of(task, [0, 1]), _Memory(60), []
+    for k in range(1, 6):
+        rollout = learner.act(task, k)
+        sizes.append(rollout.valid.sum((0, 2)).max())
+        memory.add(rollout, from_teacher=k % 2 == 0)
+        assert memory.all.counts.max() < 60 + sizes[-1] + sizes[0]
+    first = next(i for i in range(5) if sum(sizes[i + 1 :]) < 60)
+    kept = memory.all.counts
+    assert kept.max() <= sum(sizes[first:])
+    assert kept.max() >= 60
+    rows, after = memory.all.rows[0, 0], memory.all.next_rows[0, 0]
+    assert after > rows
+
+
+@pytest.mark.parametrize("image", [False, True])
+def test_a_teacher_fills_the_memory_in_the_first_iterations_only(image):
+    task = learning(guess(image=image, n_iterations=3))
+    task = with_transfer(task, transferring(iterations=2))
+    learner = learner_of(task, [0, 1])
+    before = learner.student.storage.clone()
+    stats = list(train(task, learner, taught_by(stranger(task, 2))))
+    assert [stat.phase for stat in stats] == ["instance", "instance", "ppo"]
+    assert "kept_fraction" in stats[0].numbers
+    assert "kept_fraction" not in stats[2].numbers
+    assert [stat.numbers["epsilon"][0] for stat in stats] == pytest.approx([1.0, 0.525, 0.05])
+    cut = learner.student.n_policy
+    assert not torch.equal(before[:, :cut], learner.student.storage[:, :cut])
+    assert torch.equal(before[:, cut:], learner.student.storage[:, cut:])  # no critic is fitted
+
+
+def test_q_learning_learns_to_guess():
+    task = learning(guess(n_iterations=4, n_episodes=20, learning_rate=3e-3), gradient_steps=200)
+    learner = learner_of(task, [0])
+    list(train(task, learner))
+    played = evaluate(learner.student, task, [0], 20)
+    assert played.returns.sum() / played.lengths.sum() > 0.95  # by chance a third
+
+
+def test_the_same_seed_gives_the_same_bits_and_seeds_do_not_meet():
+    task = learning(guess())
+    ends = []
+    for seeds in ([4, 7], [4, 7], [7]):
+        learner = learner_of(task, seeds)
+        list(train(task, learner, taught_by(stranger(task, len(seeds)))))
+        ends.append(learner.student.storage.clone())
+    assert torch.equal(ends[0], ends[1])
+    assert_close(ends[0][1], ends[2][0], rtol=1e-4, atol=1e-6)
+
+
+def test_teachers_share_the_steps_of_an_iteration_with_the_student():
+    task = learning(guess().with_settings(["ppo.n_steps=140", "ppo.n_envs=4"]))
+    task = task.model_copy(update={"ppo": task.ppo.model_copy(update={"n_episodes": None})})
+    task = task.with_settings(["env.kwargs={}"])
+    learner = learner_of(task, [0])
+    list(train(task, learner, taught_by(stranger(task))))
+    assert learner.env_steps == 2 * 140
+
+
+def test_continuous_actions_are_refused():
+    task = learning(reach())
+    with pytest.raises(CardError, match="expected numbered actions for q-learning, found 2 obs"):
+        next(train(task, learner_of(task, [0])))
