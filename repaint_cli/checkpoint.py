@@ -12,6 +12,7 @@ from torch import Tensor
 
 from repaint_cli.errors import CheckpointError
 from repaint_cli.files import KEY, header_of, opened, written_whole
+from repaint_cli.learn.automatic import Measured
 from repaint_cli.learn.learner import Learner
 from repaint_cli.nets import ActorCritic
 
@@ -84,7 +85,10 @@ def save_learner(path: Path, learner: Learner, header: Mapping[str, Any]) -> Non
     tensors = {f"net/{name}": leaf for name, leaf in policy_tensors(learner.student).items()}
     tensors |= {f"adam/{name}": part for name, part in learner.optimizer.state().items()}
     tensors |= {f"last/{name}": part for name, part in _last(learner).items()}
+    if learner.measured:
+        tensors |= {f"measured/{n}": part for n, part in learner.measured.state().items()}
     counters = {
+        "after_instance": learner.after_instance,
         "seeds": learner.seeds,
         "iteration": learner.iteration,
         "env_steps": learner.env_steps.tolist(),
@@ -110,6 +114,9 @@ def load_learner(path: Path, learner: Learner) -> None:
     last = part("last/")
     learner.last_moments = (last["mean"], last["std"])
     learner.last_reward = last["reward"]
+    measured = part("measured/")
+    learner.measured = Measured.load(measured) if measured else None
+    learner.after_instance = header["after_instance"]
     learner.iteration = header["iteration"]
     learner.env_steps = np.array(header["env_steps"])
 

@@ -101,6 +101,8 @@ class TransferConfig(Settings):
     """R of the ratio R:I, on-policy iterations in a row; someone must train the critic."""
     instance: int = Field(1, ge=0)
     """I of the ratio R:I, off-policy instance-transfer iterations in a row; 0 is kickstarting."""
+    phases: Literal["ratio", "auto"] = "ratio"
+    """Whether R and I say what comes next, or what the last rounds gained per step."""
     joint: bool = False
     """Whether both gradients meet in one update (algorithm 1); `--method repaint-joint` says so."""
     kickstart_coef: NonNegativeFloat | tuple[NonNegativeFloat, ...] = 0.2
@@ -108,9 +110,9 @@ class TransferConfig(Settings):
     it evenly, or have a β₀ each."""
     kickstart_decay: float = Field(0.95, gt=0, le=1)
     """β is multiplied by this after each iteration of either kind."""
-    kickstart_schedule: Literal["geometric", "linear", "constant", "stepwise"] = "geometric"
-    """How β falls: by `kickstart_decay` each time, in a straight line to 0 after K, not at all, or
-    by `kickstart_decay` every `kickstart_every` times."""
+    kickstart_schedule: Literal["geometric", "linear", "constant", "stepwise", "auto"] = "geometric"
+    """How β falls: by `kickstart_decay` each time, in a straight line to 0 after K, not at all, by
+    `kickstart_decay` every `kickstart_every` times, or with the teacher's lead over the student."""
     kickstart_every: int = Field(5, gt=0)
     """How many times β stays the same in the schedule `stepwise`."""
     kickstart_counts: Literal["iterations", "representation"] = "iterations"
@@ -153,9 +155,10 @@ class TransferConfig(Settings):
 class SelectConfig(Settings):
     """Which teacher samples survive experience selection (paper, section 4.2)."""
 
-    rule: Literal["zeta", "abs", "top", "per", "rbt", "all"] = "zeta"
+    rule: Literal["zeta", "abs", "top", "per", "rbt", "all", "auto"] = "zeta"
     """Keep Â′ ≥ ζ (the paper's), |Â′| ≥ ζ, the highest share, or all; or draw by |Â′| (prioritised
-    replay) or by relevance to the student's last batch (Lazaric et al. 2008)."""
+    replay) or by relevance to the student's last batch (Lazaric et al. 2008); or keep the more, the
+    more the teachers' samples surpass the student's."""
     threshold: float = 0.8
     """ζ: a teacher sample is kept where its advantage Â′ ≥ ζ."""
     last_threshold: float | None = None

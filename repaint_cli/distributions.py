@@ -144,24 +144,25 @@ def side_by_side(parts: Sequence[Distribution]) -> Distribution:
     return Gaussian(whole.mean, torch.cat(spreads, 1))
 
 
-def blend(parts: Sequence[Distribution], weights: Sequence[float]) -> Distribution:
+def blend(parts: Sequence[Distribution], weights: Tensor) -> Distribution:
     """Return the distribution T that stands for several teachers at the same samples, (S, B).
 
         Σᵢ βᵢ·H(Tᵢ‖π) = (Σᵢ βᵢ)·H(T‖π)   for every π of the family      (paper, equation 5)
 
     as H(T‖π) is linear in T's probabilities or, where π is Gaussian, in T's first two moments: T is
     the mixture, or the Gaussian with its mean and its variance.
+
+    Args:
+        parts: M teachers.
+        weights: β of each, (M, S), not negative; where all are 0 it does not matter what T is.
     """
     if len(parts) == 1:
         return parts[0]
-    shares = [weight / sum(weights) for weight in weights]
+    total = weights.sum(0)
+    shares = torch.where(total > 0, weights / total, 1 / len(parts)).float()[:, :, None, None]
     if isinstance(parts[0], Categorical):
-        logs = [
-            p.log_probs + log(w)
-            for p, w in zip(parts, shares, strict=True)
-            if w > 0 and isinstance(p, Categorical)
-        ]
-        return Categorical(torch.logsumexp(torch.stack(logs), 0))
+        probs = [p.log_probs for p in parts if isinstance(p, Categorical)]
+        return Categorical(torch.logsumexp(torch.stack(probs) + shares.log(), 0))
     pairs = [(p, w) for p, w in zip(parts, shares, strict=True) if isinstance(p, Gaussian)]
     mean = sum((w * p.mean for p, w in pairs), torch.zeros(()))
     # Var = Σ wᵢ·(τᵢ² + (mᵢ − m)²): no difference of large numbers

@@ -75,6 +75,13 @@ class TaskCard(Settings):
             raise ValueError("a reward function stands alone: leave the other terms out")
         return self
 
+    @property
+    def automatic(self) -> bool:
+        """Whether something of the transfer is decided by what is measured."""
+        return "auto" in (
+            self.transfer.kickstart_schedule, self.transfer.phases, self.select.rule
+        )  # fmt: skip
+
     @classmethod
     def parse(cls, data: Mapping[str, Any], where: str) -> "TaskCard":
         """Check a card's data.

@@ -12,6 +12,7 @@ from repaint_cli.errors import CardError, CheckpointError, TeacherMismatch
 from repaint_cli.files import sha256
 from repaint_cli.learn.teachers import Teacher
 from repaint_cli.nets import ActorCritic
+from repaint_cli.similarity import cosine
 from repaint_cli.spaces import Spaces
 from repaint_cli.tasks import TaskCard
 
@@ -60,7 +61,7 @@ def load_staff(
     teachers, record = list[Teacher](), list[dict[str, object]]()
     for path, card, act in zip(paths, cards, acts, strict=True):
         network, _ = zoo.load_teacher(path, seeds)
-        teachers.append(Teacher(network, act, _weights(card, task)))
+        teachers.append(Teacher(network, act, _weights(card, task), cosine(card.task, task)))
         record.append({"name": card.name, "sha256": sha256(path), "instances": act})
     return Staff(tuple(cards), tuple(teachers), tuple(record))
 

@@ -322,6 +322,29 @@ def test_a_warm_start_may_leave_the_critic_and_set_the_spread_anew(home, what):
             assert torch.equal(leaf[0], teacher[name][0] if taken else fresh[name][0]), name
 
 
+def test_auto_needs_no_number_and_counts_what_it_looked_at(repaint, home):
+    add_teacher(home / "home" / "zoo", task="reacher-away")
+    words = ["transfer", "--task", "reacher", "--teacher", "old-hand", "--auto", *QUICK]
+    assert repaint(*words, "--run", "run").code == 0
+    assert repaint(*SCRATCH, "--run", "scratch").code == 0
+    record = json.loads((home / "run" / "run.json").read_text())
+    assert record["transfer"]["kickstart_schedule"] == record["transfer"]["phases"] == "auto"
+    assert record["task"]["select"]["rule"] == "auto"
+    rows = [(home / run / "metrics.csv").read_text().splitlines() for run in ("run", "scratch")]
+    column = rows[0][0].split(",").index("env_steps")
+    counted, plain = ([int(row.split(",")[column]) for row in table[1:]] for table in rows)
+    assert [a - b for a, b in zip(counted, plain, strict=True)] == [200, 300]  # 2 + 2, and 2 each
+
+
+@pytest.mark.parametrize(
+    ("option", "word"), [("--beta", "auto"), ("--threshold", "auto"), ("--ratio", "auto")]
+)
+def test_each_may_be_automatic_alone(repaint, home, option, word):
+    add_teacher(home / "home" / "zoo")
+    words = ["transfer", "--task", "reacher", "--teacher", "old-hand", *QUICK, "--run", "run"]
+    assert repaint(*words, option, word).code == 0
+
+
 def test_options_reach_the_card_and_set_has_the_last_word(repaint, home):
     add_teacher(home / "home" / "zoo")
     said = repaint(

@@ -36,6 +36,10 @@ def any_categorical(seed):
     return Categorical.from_logits(logits), TorchCategorical(logits=logits)
 
 
+def weights_of(betas, n_seeds=2):
+    return torch.tensor(betas, dtype=torch.float64)[:, None].expand(-1, n_seeds)
+
+
 def test_log_prob_of_a_gaussian_by_hand():
     # two dimensions: N(3; 1, 2²) is one σ off, N(0; 0, 1) is at the mode
     density = 1 / sqrt(2 * pi * 4) * e**-0.5 / sqrt(2 * pi)
@@ -159,7 +163,7 @@ def test_rows_are_picked_seed_by_seed(family):
 def test_a_blend_of_gaussians_has_the_weighted_cross_entropies_of_its_parts(seed, betas):
     teachers = [any_gaussian(seed + i)[0] for i in range(len(betas))]
     student = any_gaussian(seed + 7)[0]
-    whole = blend(teachers, betas).cross_entropy(student)
+    whole = blend(teachers, weights_of(betas)).cross_entropy(student)
     parts = sum(b * t.cross_entropy(student) for b, t in zip(betas, teachers, strict=True))
     assert_close(sum(betas) * whole, parts, rtol=1e-4, atol=1e-4)
 
@@ -168,14 +172,14 @@ def test_a_blend_of_gaussians_has_the_weighted_cross_entropies_of_its_parts(seed
 def test_a_blend_of_categoricals_has_the_weighted_cross_entropies_of_its_parts(seed, betas):
     teachers = [any_categorical(seed + i)[0] for i in range(len(betas))]
     student = any_categorical(seed + 7)[0]
-    whole = blend(teachers, betas).cross_entropy(student)
+    whole = blend(teachers, weights_of(betas)).cross_entropy(student)
     parts = sum(b * t.cross_entropy(student) for b, t in zip(betas, teachers, strict=True))
     assert_close(sum(betas) * whole, parts, rtol=1e-4, atol=1e-4)
 
 
 def test_a_blend_of_two_gaussians_by_hand():
     # means ±1 with equal weights and σ = 1: variance 1 + 1
-    found = blend([gaussian([1.0], [1.0]), gaussian([-1.0], [1.0])], [0.3, 0.3])
+    found = blend([gaussian([1.0], [1.0]), gaussian([-1.0], [1.0])], weights_of([0.3, 0.3], 1))
     assert_close(found.mean, torch.zeros(1, 1, 1))
     assert_close(found.log_std.exp(), torch.full((1, 1, 1), sqrt(2)))
 
@@ -183,7 +187,7 @@ def test_a_blend_of_two_gaussians_by_hand():
 @pytest.mark.parametrize("make", [any_gaussian, any_categorical])
 def test_a_blend_of_one_is_itself(make):
     teacher = make(0)[0]
-    assert blend([teacher], [0.2]) is teacher
+    assert blend([teacher], weights_of([0.2])) is teacher
 
 
 @pytest.mark.parametrize("make", [any_gaussian, any_categorical])
@@ -202,3 +206,12 @@ def test_policies_side_by_side_keep_their_own_samples_and_spreads(make):
 def test_one_policy_joined_keeps_one_spread():
     first = any_gaussian(0)[0]
     assert joined([first, first]).log_std.shape == (2, 1, 4)
+
+
+@pytest.mark.parametrize("make", [any_gaussian, any_categorical])
+def test_weights_of_a_blend_may_be_each_seeds_own_and_all_zero(make):
+    first, second = make(0)[0], make(1)[0]
+    found = blend([first, second], torch.tensor([[1.0, 0.0], [0.0, 0.0]]))
+    mode = found.mode()[0] == first.mode()[0]
+    assert mode.all()
+    assert all(torch.isfinite(part).all() for part in vars(found).values())

@@ -54,7 +54,7 @@ def test_several_teachers_are_their_weighted_cross_entropies(make, compiled):
     learner, teachers = learner_of(task, [0]), [stranger(task, seed=seed) for seed in (5, 6)]
     rollout = learner.act(task, 1)
     samples = to_samples(rollout, learner.student.value, task.ppo)
-    target = advise(taught_by(*teachers), [0.1, 0.3], samples, task.transfer)
+    target = advise(taught_by(*teachers), torch.tensor([[0.1], [0.3]]), samples, task.transfer)
     parts = [describe(teacher.policy, samples) for teacher in teachers]
     student = describe(learner.student.policy, samples)
     expected = sum(

@@ -83,6 +83,31 @@ def seed_list(first: int, how_many: int) -> list[int]:
     return list(range(first, first + how_many))
 
 
+def given_by(
+    ratio: str | None, beta: str | None, select: str | None, threshold: str | None
+) -> dict[str, object]:
+    """Return the settings behind --select, and --ratio, --beta and --threshold, maybe "auto".
+
+    Raises:
+        CardError: one of them is something else, or another rule is to select than `auto`.
+    """
+    found: dict[str, object] = {"select__rule": select}
+    if ratio == "auto":
+        found["transfer__phases"] = "auto"
+    else:
+        representation, instance = parse_ratio(ratio)
+        found |= {"transfer__representation": representation, "transfer__instance": instance}
+    if beta == "auto":
+        found["transfer__kickstart_schedule"] = "auto"
+    else:
+        found["transfer__kickstart_coef"] = parse_betas(beta)
+    if threshold != "auto":
+        return found | {"select__threshold": threshold}
+    if select not in (None, "auto"):
+        raise CardError(f"--threshold auto selects by itself; leave out --select {select}")
+    return found | {"select__rule": "auto"}
+
+
 def parse_ratio(text: str | None) -> tuple[int | None, int | None]:
     """Read R:I.
 
@@ -150,6 +175,7 @@ def check_method(name: str, algorithm: str = "ppo", **given: object) -> None:
     method = METHODS[name]
     by_gradient = algorithm == "ppo"
     used = {
+        "auto": method.alternates and method.kickstart,
         "ratio": method.alternates and by_gradient,
         "beta": method.kickstart,
         "beta_decay": method.kickstart,

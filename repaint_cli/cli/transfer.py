@@ -7,6 +7,9 @@ import typer
 from repaint_cli.cli import options
 from repaint_cli.methods import METHODS
 
+AS_LONG_AS_IT_GIVES = 10**6
+"""K where the end of the transfer is measured."""
+
 METHOD_HELP = "; ".join(f"{name}: {method.summary}" for name, method in METHODS.items()) + "."
 
 
@@ -21,10 +24,11 @@ def transfer(
         str, typer.Option(help="ppo; or q-learning, with --method instance (default) or scratch.")
     ] = "ppo",
     ratio: Annotated[
-        str | None, typer.Option(help="R:I, R representation then I instance iterations.")
+        str | None, typer.Option(help="R:I, R representation then I instance iterations; or auto.")
     ] = None,
     beta: Annotated[
-        str | None, typer.Option(help="β₀, weight of the cross-entropy; 0.2,0.1 for two teachers.")
+        str | None,
+        typer.Option(help="β₀, weight of the cross-entropy; 0.2,0.1 for two teachers; or auto."),
     ] = None,
     beta_decay: Annotated[float | None, typer.Option(help="β's factor per iteration.")] = None,
     select: Annotated[
@@ -32,8 +36,12 @@ def transfer(
         typer.Option(help="Keep teacher samples by zeta, abs, top, per, rbt, or all of them."),
     ] = None,
     threshold: Annotated[
-        float | None, typer.Option(help="ζ: keep teacher samples with advantage ≥ ζ.")
+        str | None, typer.Option(help="ζ: keep teacher samples with advantage ≥ ζ; or auto.")
     ] = None,
+    auto: Annotated[
+        bool,
+        typer.Option("--auto", help="β, ζ, the ratio and the end of the transfer as measured."),
+    ] = False,
     instances_from: Annotated[
         list[str] | None,
         typer.Option(help="Of several teachers, one whose own samples are used; default: all."),
@@ -64,20 +72,20 @@ def transfer(
     method = options.method_for(algorithm, method)
     by_q = algorithm == "q-learning"
     options.check_method(
-        method, algorithm, ratio=ratio, beta=beta, beta_decay=beta_decay, select=select,
-        objective=objective, threshold=threshold, instances_from=instances_from or None,
-        transfer_iterations=transfer_iterations,
+        method, algorithm, auto=auto or None, ratio=ratio, beta=beta, beta_decay=beta_decay,
+        select=select, objective=objective, threshold=threshold,
+        instances_from=instances_from or None, transfer_iterations=transfer_iterations,
     )  # fmt: skip
-    representation, instance = options.parse_ratio(ratio)
+    if auto:
+        ratio, beta, threshold = (word or "auto" for word in (ratio, beta, threshold))
+        transfer_iterations = transfer_iterations or AS_LONG_AS_IT_GIVES
     card = options.customize(
         read_task(task), settings, preset,
         ppo__n_iterations=iterations, ppo__objective=objective,
         ppo__n_epochs=options.epochs_of(objective), eval__episodes=eval_episodes,
-        select__rule=select,
-        select__threshold=None if by_q else threshold,
         q_learning__threshold=threshold if by_q else None,
-        transfer__kickstart_coef=options.parse_betas(beta), transfer__kickstart_decay=beta_decay,
-        transfer__representation=representation, transfer__instance=instance,
+        **options.given_by(ratio, beta, select, None if by_q else threshold),
+        transfer__kickstart_decay=beta_decay,
         transfer__iterations=transfer_iterations,
     )  # fmt: skip
     teachers = find_teachers(teacher, method)

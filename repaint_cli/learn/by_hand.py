@@ -12,6 +12,7 @@ from typing import Literal
 import numpy as np
 import torch
 from threadpoolctl import ThreadpoolController
+from torch import Tensor
 
 from repaint_cli.config import PPOConfig
 from repaint_cli.distributions import Categorical, Distribution, Gaussian
@@ -48,7 +49,7 @@ def learn(
     rngs: Sequence[np.random.Generator],
     *,
     teacher: Distribution | None = None,
-    beta: float = 0.0,
+    beta: Tensor | float = 0.0,
     scale: float = 1.0,
     parts: Parts = "both",
     instances: bool = False,
@@ -62,7 +63,7 @@ def learn(
         ppo: epochs, minibatches and coefficients.
         rngs: one generator per seed for the order of the samples.
         teacher: the teacher's distributions at the samples, for the cross-entropy.
-        beta: β_k.
+        beta: β_k, of all seeds or (S,).
         scale: of the learning rate.
         parts: who moves, policies, critics or both.
         instances: whether the samples are a teacher's: only policies move, without entropy bonus.
@@ -81,13 +82,14 @@ def learn(
     n_steps = ppo.n_epochs * -(-max(counts) // ppo.minibatch_size)
     told, judged = (np.zeros((len(counts), n_steps, n)) for n in (len(POLICY_NUMBERS), 1))
     policies, critics = list[_Job](), list[_Job]()
+    betas = torch.as_tensor(beta).expand(len(counts))
     for s, (n, rng) in enumerate(zip(counts, rngs, strict=True)):
         order = np.stack([rng.permutation(n) for _ in range(ppo.n_epochs)])
         batch = Batch(obs[s], order, max(1, min(ppo.minibatch_size, n)))
         choices = Choices(
             student.spaces.discrete, actions[s], samples.behavior_log_probs[s].numpy(),
             samples.advantages[s].numpy(), advised[s], spreads[s], ppo.clip_range,
-            0.0 if instances else ppo.ent_coef, 0.0 if teacher is None else beta,
+            0.0 if instances else ppo.ent_coef, 0.0 if teacher is None else float(betas[s]),
         )  # fmt: skip
         place, returns = Place(student, optimizer, s, scale), samples.returns[s].numpy()
         policies.append(partial(_policy_steps, place, batch, choices, told[s]))

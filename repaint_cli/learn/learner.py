@@ -7,6 +7,7 @@ import numpy as np
 import torch
 
 from repaint_cli.learn.advantages import Samples
+from repaint_cli.learn.automatic import Measured
 from repaint_cli.learn.objectives import masked_mean
 from repaint_cli.learn.optimizer import RowAdam
 from repaint_cli.learn.rollout import Policy, collect, start
@@ -39,6 +40,10 @@ class Learner:
     """Mean reward of each student's last own batch, (S,)."""
     last_batch: Transitions | None = None
     """Each student's last own batch, where teachers' samples are chosen by relevance to it."""
+    measured: Measured | None = None
+    """What automatic transfer goes by; whoever evaluates keeps it up to date."""
+    after_instance: bool = False
+    """Whether the last iteration was one of instance transfer."""
 
     @classmethod
     def fresh(cls, student: ActorCritic, seeds: list[int], learning_rate: float) -> "Learner":

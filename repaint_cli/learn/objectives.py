@@ -47,7 +47,11 @@ def objective(policy: Distribution, log_probs: Tensor, batch: Samples, ppo: PPOC
 
 
 def representation_loss(
-    student: ActorCritic, batch: Samples, teacher: Distribution | None, beta: float, ppo: PPOConfig
+    student: ActorCritic,
+    batch: Samples,
+    teacher: Distribution | None,
+    beta: Tensor | float,
+    ppo: PPOConfig,
 ) -> tuple[Tensor, dict[str, Tensor]]:
     """Return −L_rep with the critic's loss and PPO's entropy bonus, (S,), and their parts.
 
@@ -71,7 +75,7 @@ def representation_loss(
     )
     if teacher is not None:
         numbers["cross_entropy"] = mean(teacher.cross_entropy(policy))
-        loss = loss + beta * numbers["cross_entropy"]
+        loss = loss + torch.as_tensor(beta, dtype=loss.dtype) * numbers["cross_entropy"]
     return loss, numbers
 
 

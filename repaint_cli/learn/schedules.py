@@ -41,6 +41,8 @@ def kickstart_coefs(k: int, transfer: TransferConfig, n_teachers: int = 1) -> tu
     n = k - 1
     if transfer.kickstart_counts == "representation":
         n = sum(phase(j, transfer) in ("representation", "joint") for j in range(1, k))
+    if transfer.kickstart_schedule == "auto":
+        return transfer.betas(n_teachers)  # where nothing is measured
     share = {
         "geometric": transfer.kickstart_decay**n,
         "linear": 1 - n / transfer.iterations,

@@ -105,14 +105,14 @@ def above_threshold(advantages: Tensor, threshold: float) -> Tensor:
     return advantages >= threshold
 
 
-def top_share(samples: Samples, share: float) -> Tensor:
-    """Return where Â′ is among the highest ⌈q·n⌉ of a seed's n samples, (S, B) bool."""
+def top_share(samples: Samples, share: Tensor | float) -> Tensor:
+    """Return where Â′ is among the highest ⌈q·n⌉ of a seed's n, (S, B) bool; q may be (S,)."""
     order = samples.advantages.masked_fill(~samples.mask, -torch.inf).argsort(1, descending=True)
     first = torch.arange(order.shape[1]) < share_of(samples.counts, share).unsqueeze(1)
     return torch.zeros_like(first).scatter(1, order, first)
 
 
-def share_of(counts: Tensor, share: float) -> Tensor:
+def share_of(counts: Tensor, share: Tensor | float) -> Tensor:
     """Return ⌈q·n⌉, (S,)."""
     return torch.ceil(share * counts.double() - 1e-9).long()
 

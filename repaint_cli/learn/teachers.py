@@ -5,17 +5,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
+from torch import Tensor
 
 from repaint_cli.config import TransferConfig
 from repaint_cli.distributions import Distribution, blend
 from repaint_cli.learn import schedules
 from repaint_cli.learn.advantages import Samples, describe, to_samples
+from repaint_cli.learn.batches import front
 from repaint_cli.learn.learner import Learner
 from repaint_cli.learn.objectives import masked_mean
 from repaint_cli.learn.relevance import relevance
 from repaint_cli.learn.rollout import Policy
 from repaint_cli.learn.seeding import Purpose, generator
-from repaint_cli.learn.selection import rescale, select
+from repaint_cli.learn.selection import Chosen, rescale, select, top_share
 from repaint_cli.learn.tape import Rollout
 from repaint_cli.learn.transitions import transitions
 from repaint_cli.nets import ActorCritic
@@ -32,6 +34,8 @@ class Teacher:
     """Whether its own samples are learned from in instance iterations."""
     weights: np.ndarray | None = None
     """w of its own task in the order of the target's terms, (F,); None where that is not known."""
+    cosine: float | None = None
+    """Of its task's weights and the target's; None where one is not known."""
 
 
 def soften(teacher: ActorCritic, transfer: TransferConfig) -> Policy:
@@ -46,21 +50,24 @@ def soften(teacher: ActorCritic, transfer: TransferConfig) -> Policy:
 
 
 def advise(
-    teachers: Sequence[Teacher], betas: Sequence[float], samples: Samples, transfer: TransferConfig
+    teachers: Sequence[Teacher], betas: Tensor, samples: Samples, transfer: TransferConfig
 ) -> Distribution | None:
     """Return what the teachers would do at the samples, as one distribution; None with β = 0.
 
     Args:
         teachers: all of them.
-        betas: β_k of each.
+        betas: β_k of each, (M, S).
         samples: of the student, (S, B).
         transfer: the teachers' spread.
     """
-    asked = [(t, beta) for t, beta in zip(teachers, betas, strict=True) if beta > 0]
-    if not asked:
+    asked = betas.any(1)
+    if not asked.any():
         return None
-    parts = [describe(soften(teacher.network, transfer), samples) for teacher, _ in asked]
-    return blend(parts, [beta for _, beta in asked])
+    parts = [
+        describe(soften(teacher.network, transfer), samples)
+        for teacher, wanted in zip(teachers, asked.tolist(), strict=True) if wanted
+    ]  # fmt: skip
+    return blend(parts, betas[asked])
 
 
 def transfer_instances(
@@ -90,12 +97,19 @@ def transfer_instances(
             for part, policy in zip(parts, policies, strict=True)
         ]
     samples = Samples.together(parts)
-    scaled = rescale(samples, task.select.scale, learner.last_moments)
-    chosen = select(
-        scaled, task.select, schedules.threshold(k, task.select, task.transfer),
-        [generator(seed, Purpose.SELECT, k) for seed in learner.seeds],
-        _relevance(task, learner, acting, rollouts) if task.select.rule == "rbt" else None,
-    )  # fmt: skip
+    by_itself = learner.measured is not None and task.select.rule == "auto"
+    scale = "student-batch" if by_itself else task.select.scale
+    scaled = rescale(samples, scale, learner.last_moments)
+    if learner.measured:
+        shares = learner.measured.shares(samples)
+    if by_itself:
+        chosen = Chosen(*front(top_share(scaled, shares)))
+    else:
+        chosen = select(
+            scaled, task.select, schedules.threshold(k, task.select, task.transfer),
+            [generator(seed, Purpose.SELECT, k) for seed in learner.seeds],
+            _relevance(task, learner, acting, rollouts) if task.select.rule == "rbt" else None,
+        )  # fmt: skip
     raw, counts = samples.pick(chosen.positions, chosen.counts), chosen.counts
     nothing = counts == 0
     numbers = {

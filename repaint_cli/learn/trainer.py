@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 import torch
+from torch import Tensor
 
-from repaint_cli.config import PPOConfig
+from repaint_cli.config import PPOConfig, TransferConfig
 from repaint_cli.errors import DivergedError, telling_where
 from repaint_cli.learn import schedules
 from repaint_cli.learn.advantages import Samples, describe, to_samples
@@ -57,7 +58,7 @@ def train(
     task.check_rollout()
     for k in range(learner.iteration + 1, task.ppo.n_iterations + 1):
         started, before = perf_counter(), learner.env_steps.copy()
-        phase = schedules.phase(k, task.transfer) if teachers else "ppo"
+        phase = phase_of(k, task, learner) if teachers else "ppo"
         now = task.model_copy(update={"ppo": schedules.ppo(k, task.ppo)})
         learner.optimizer.learning_rate = now.ppo.learning_rate
         with telling_where(learner.seeds, f"iteration {k}"):
@@ -66,8 +67,10 @@ def train(
                 numbers = _instance_iteration(now, learner, k, teachers)
             else:
                 numbers, rollout = _on_policy_iteration(now, learner, k, teachers, phase)
+                if phase == "representation" and not numbers["kickstart_coef"].any():
+                    phase = "ppo"  # nobody had anything to say
             _check_weights(learner)
-        learner.iteration = k
+        learner.iteration, learner.after_instance = k, phase == "instance"
         taken, seconds = learner.env_steps - before, perf_counter() - started
         numbers["env_steps"] = learner.env_steps.copy()
         numbers["steps_per_second"] = np.full(taken.shape, taken.sum() / seconds)
@@ -115,19 +118,54 @@ def _on_policy_iteration(
     kept, numbers = None, dict[str, np.ndarray]()
     if phase == "joint":
         kept, numbers = transfer_instances(task, learner, teachers, k)
-    betas = schedules.kickstart_coefs(k, transfer, len(teachers)) if teachers else ()
+    betas = betas_of(k, transfer, learner, teachers)
+    beta = betas.sum(0)
     alpha_1, alpha_2 = schedules.alphas(k, transfer)
     numbers |= _fit(
         task, learner, k, rollout, batch, phase,
-        teacher=advise(teachers, betas, batch, transfer), beta=sum(betas),
+        teacher=advise(teachers, betas, batch, transfer), beta=beta,
         alpha_1=alpha_1 if teachers else 1.0, instances=kept, alpha_2=alpha_2,
     )  # fmt: skip
-    if teachers and task.select.scale == "student-batch" and k < transfer.iterations:
-        learner.last_moments = moments(to_samples(rollout, student.value, ppo))  # judged anew
-    numbers["kickstart_coef"] = np.full(student.n_seeds, sum(betas))
+    judged_again = learner.measured or task.select.scale == "student-batch"
+    if teachers and judged_again and k < transfer.iterations:
+        judged = to_samples(rollout, student.value, ppo)
+        learner.last_moments = moments(judged)
+        if learner.measured:
+            learner.measured.see_advantages(judged)
+    numbers["kickstart_coef"] = beta.numpy()
     numbers["explained_variance"] = explained.numpy()
     numbers |= episode_numbers(rollout, student.n_seeds)
     return numbers, without_sights(rollout)
+
+
+def phase_of(k: int, task: TaskCard, learner: Learner) -> schedules.Phase:
+    """Return what iteration k does: by R and I, or by what was measured."""
+    phase, transfer = schedules.phase(k, task.transfer), task.transfer
+    if not learner.measured or phase in ("critic", "joint") or k > transfer.iterations:
+        return phase
+    if learner.measured.ended:
+        return "ppo"
+    if transfer.phases == "auto":
+        may = k > 1 + transfer.critic_warmup and not learner.after_instance
+        return "instance" if may and learner.measured.instance_next() else "representation"
+    return phase
+
+
+def betas_of(
+    k: int, transfer: TransferConfig, learner: Learner, teachers: Sequence[Teacher]
+) -> Tensor:
+    """Return β_k of each teacher for each seed, (M, S), by a schedule or by what was measured."""
+    n_seeds = len(learner.seeds)
+    if not teachers:
+        return torch.zeros(0, n_seeds, dtype=torch.float64)
+    if transfer.kickstart_schedule == "auto" and learner.measured:
+        found = learner.measured.betas([teacher.cosine for teacher in teachers])
+        if k > transfer.iterations or learner.measured.ended:
+            found = np.zeros_like(found)
+        learner.measured.note(found)
+        return torch.from_numpy(found)
+    coefs = schedules.kickstart_coefs(k, transfer, len(teachers))
+    return torch.tensor(coefs, dtype=torch.float64).unsqueeze(1).expand(-1, n_seeds)
 
 
 def _own_samples(student: ActorCritic, rollout: Rollout, ppo: PPOConfig) -> Samples:

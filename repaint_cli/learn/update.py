@@ -62,7 +62,7 @@ def learn_on_policy(
     rngs: Sequence[np.random.Generator],
     *,
     teacher: Distribution | None = None,
-    beta: float = 0.0,
+    beta: Tensor | float = 0.0,
     alpha_1: float = 1.0,
     instances: Samples | None = None,
     alpha_2: float = 1.0,
@@ -77,7 +77,7 @@ def learn_on_policy(
         ppo: epochs, minibatches and coefficients.
         rngs: one generator per seed for the order of the samples.
         teacher: the teacher's distributions at the samples, for the cross-entropy.
-        beta: β_k.
+        beta: β_k, of all seeds or (S,).
         alpha_1: α₁; scales the learning rate, or in a joint update L_rep.
         instances: selected teacher samples; every minibatch takes its share of them (paper,
             algorithm 1).

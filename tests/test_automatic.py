@@ -1,0 +1,173 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from numpy.testing import assert_allclose, assert_array_equal
+from test_selection import batch
+from tiny_learners import learner_of, stranger, taught_by, transferring, with_transfer
+from tiny_tasks import guess, reach
+
+from repaint_cli.learn.automatic import Measured, mean_and_error
+from repaint_cli.learn.trainer import train
+
+
+def returns(*means, spread=0.0, n=4):
+    """Evaluated returns (S, E) with these means and this standard error."""
+    steps = np.array([-1.0, 1.0] * (n // 2))
+    return np.array(means)[:, None] + spread * np.sqrt(n - 1) * steps
+
+
+def measured(own=-10.0, taught=(-4.0,), spread=0.0):
+    return Measured(returns(own, spread=spread), [returns(t, spread=spread) for t in taught])
+
+
+def after(found, *own, spread=0.0, steps=100.0, instance=False):
+    """Two evaluations alike: the student's return is the mean of the last two."""
+    for _ in range(2):
+        found.see_student(returns(*own, spread=spread), steps, instance)
+    return found
+
+
+def test_mean_and_error_by_hand():
+    assert_allclose(mean_and_error(np.array([[1.0, 3.0], [2.0, 2.0]])), [[2, 2], [1, 0]])
+    assert_array_equal(mean_and_error(np.array([[1.0]])), [[1], [np.inf]])
+    assert_allclose(mean_and_error(returns(5.0, spread=0.3)), [[5], [0.3]])
+
+
+def test_beta_is_the_share_of_the_lead_over_a_random_policy_that_is_left():
+    found = measured(own=-10, taught=(-4,))
+    assert_allclose(found.betas([None]), [[1.0]])
+    assert_allclose(after(found, -7.0).betas([None]), [[0.5]])
+    assert_allclose(after(found, -3.0).betas([None]), [[0.0]])  # the student has passed it
+    assert_allclose(after(found, -12.0).betas([None]), [[1.0]])  # and no more than 1
+
+
+@pytest.mark.parametrize("shift", [-100.0, 0.0, 100.0])
+def test_the_signs_of_returns_do_not_matter(shift):
+    found = after(measured(own=shift, taught=(shift + 6,)), shift + 3)
+    assert_allclose(found.betas([None]), [[0.5]])
+
+
+def test_what_may_be_chance_is_no_lead():
+    # J_T − J_S = 6, e = √(1 + 1): β = (6 − √2)/6
+    found = measured(own=-10, taught=(-4,), spread=1.0)
+    assert_allclose(found.betas([None]), [[1 - np.sqrt(2) / 6]])
+    assert_allclose(after(found, -5.0, spread=1.0).betas([None]), [[0.0]])
+
+
+def test_a_teacher_no_better_than_chance_or_of_an_opposed_task_has_no_beta():
+    assert_array_equal(measured(own=-10, taught=(-12,)).betas([None]), [[0.0]])
+    assert_array_equal(measured(own=-10, taught=(-4,)).betas([0.0]), [[0.0]])
+    assert_array_equal(measured(own=-10, taught=(-4,)).betas([0.3]), [[1.0]])
+
+
+def test_several_teachers_share_1_each_by_its_own_lead():
+    found = after(measured(own=-10, taught=(-4, -7, -20)), -8.0)
+    assert_allclose(found.betas([None] * 3), np.array([[4 / 6], [1 / 3], [0]]) / 3)
+
+
+def test_the_transfer_ends_when_two_own_iterations_in_a_row_had_no_beta():
+    found = measured()
+    for betas, ended in ((0, False), (1, False), (0, False), (0, True)):
+        found.note(np.array([[betas]]))
+        assert found.ended == ended
+
+
+def test_the_share_that_is_kept_by_hand():
+    found = measured()
+    found.see_advantages(batch([0.0, 1.0, 2.0, 3.0]))
+    for theirs, share in (([5.0, 6.0], 1.0), ([-5.0, -6.0], 0.0), ([1.0, 2.0], 0.0)):
+        assert found.shares(batch(theirs)).item() == pytest.approx(share, abs=0.02)
+    # of quantiles from 0 to 3, half lie below 1.5: P(Â′ > Â) = (½ + 1)/2
+    assert found.shares(batch([1.5, 9.0])).item() == pytest.approx(0.5, abs=0.02)
+
+
+def test_nothing_is_kept_of_a_teacher_without_a_lead():
+    found = measured()
+    found.see_advantages(batch([0.0, 1.0]))
+    found.note(np.array([[0.0]]))
+    assert found.shares(batch([5.0, 6.0])).item() == 0
+    assert not found.instance_next()
+
+
+def test_instances_stop_once_they_clearly_gain_less():
+    found = measured(own=-10.0)
+    assert found.instance_next()
+    for own, instance in ((-9.0, False), (-9.0, True), (-8.0, False), (-8.0, True)):
+        found.see_student(returns(own), 100.0, instance)
+    assert not found.instance_next()  # 1 in each own iteration, 0 in each with instances
+    again = measured(own=-10.0)
+    for own, instance in ((-9.0, False), (-7.0, True), (-6.0, False), (-4.0, True)):
+        again.see_student(returns(own), 100.0, instance)
+    assert again.instance_next()
+
+
+def test_all_that_was_measured_can_be_kept():
+    found = after(measured(own=-10, taught=(-4, -5)), -7.0)
+    found.see_advantages(batch([0.0, 1.0, 2.0]))
+    found.note(np.array([[0.5], [0.0]]))
+    for state in (found.state(), (found.shares(batch([1.0])), found.state())[1]):
+        again = Measured.load({name: part.clone() for name, part in state.items()})
+        assert again.state().keys() == state.keys()
+        assert all(torch.equal(again.state()[name], part) for name, part in state.items())
+    assert again.instance_next() == found.instance_next()
+
+
+def automatic(task, **more):
+    select = task.select.model_copy(update={"rule": "auto"})
+    settings = {"kickstart_schedule": "auto", "phases": "auto", "iterations": 99}
+    return with_transfer(task, transferring(**settings | more)).model_copy(
+        update={"select": select}
+    )
+
+
+@pytest.mark.parametrize("make", [reach, guess])
+def test_a_teacher_in_the_lead_teaches_until_the_student_has_passed_it(make):
+    task = automatic(make(n_iterations=9))
+    learner = learner_of(task, [0, 1])
+    learner.measured = Measured(returns(0.0, 0.0), [returns(6.0, 6.0)])
+    told = []
+    for stat in train(task, learner, taught_by(stranger(task, 2))):
+        told.append((stat.phase, stat.numbers.get("kickstart_coef", np.zeros(2)).tolist()))
+        own = 0.0 if stat.iteration < 4 else 9.0
+        learner.measured.see_student(returns(own, own), 72.0, stat.phase == "instance")
+    phases = [phase for phase, _ in told]
+    assert phases[0] == "representation"
+    assert told[0][1] == [1, 1]
+    assert "instance" in phases[1:4]
+    assert "instance" not in phases[6:]
+    assert phases[-1] == "ppo"
+    assert told[-1][1] == [0, 0]
+
+
+def test_a_teacher_that_never_leads_leaves_scratch_bit_for_bit():
+    task = reach(n_iterations=4)
+    scratch, taught = learner_of(task, [0]), learner_of(task, [0])
+    taught.measured = Measured(returns(0.0), [returns(-6.0)])
+    list(train(task, scratch))
+    stats = list(train(automatic(task), taught, taught_by(stranger(task))))
+    assert torch.equal(scratch.student.storage, taught.student.storage)
+    assert [stat.phase for stat in stats] == ["ppo"] * 4
+
+
+def test_each_seed_has_a_beta_of_its_own_and_seeds_stay_apart():
+    task = automatic(reach(n_iterations=1))
+    learner, alone = learner_of(task, [0, 1]), learner_of(task, [1])
+    learner.measured = Measured(returns(0.0, 3.0), [returns(6.0, 6.0)])
+    alone.measured = Measured(returns(3.0), [returns(6.0)])
+    learner.measured.random = mean_and_error(returns(0.0, 0.0))
+    alone.measured.random = mean_and_error(returns(0.0))
+    (stat,) = train(task, learner, taught_by(stranger(task, 2)))
+    list(train(task, alone, taught_by(stranger(task))))
+    assert_allclose(stat.numbers["kickstart_coef"], [1.0, 0.5])
+    assert_allclose(learner.student.storage[1], alone.student.storage[0], rtol=1e-4, atol=1e-5)
+
+
+def test_a_cosine_that_is_not_positive_is_believed():
+    task = automatic(reach(n_iterations=1))
+    learner = learner_of(task, [0])
+    learner.measured = Measured(returns(0.0), [returns(6.0)])
+    opposed = [replace(teacher, cosine=-1.0) for teacher in taught_by(stranger(task))]
+    (stat,) = train(task, learner, opposed)
+    assert stat.phase == "ppo"
