@@ -114,6 +114,7 @@ def load_learner(path: Path, learner: Learner) -> None:
     last = part("last/")
     learner.last_moments = (last["mean"], last["std"])
     learner.last_reward = last["reward"]
+    learner.last_return = np.where(last["ended"], last["return"], np.nan)
     measured = part("measured/")
     learner.measured = Measured.load(measured) if measured else None
     learner.after_instance = header["after_instance"]
@@ -123,7 +124,11 @@ def load_learner(path: Path, learner: Learner) -> None:
 
 def _last(learner: Learner) -> dict[str, Tensor]:
     mean, std = learner.last_moments
-    return {"mean": mean, "std": std, "reward": learner.last_reward}
+    returns = torch.from_numpy(learner.last_return)
+    return {
+        "mean": mean, "std": std, "reward": learner.last_reward,
+        "return": returns.nan_to_num(0.0), "ended": ~returns.isnan(),
+    }  # fmt: skip
 
 
 def load_networks(path: Path, network: ActorCritic) -> None:

@@ -17,6 +17,7 @@ COLUMNS = (
     "eval_progress", "episode_return", "episode_length", "policy_loss", "value_loss", "entropy",
     "approx_kl", "clip_fraction", "explained_variance", "kickstart_coef", "cross_entropy",
     "kept_fraction", "kept_advantage", "kept_reward", "kept_clip_fraction", "student_reward",
+    "student_return", "teacher_return",
     "log_ratio", "q_value", "epsilon", "steps_per_second", "seconds",
 )  # fmt: skip
 """Of metrics.csv, one row per iteration and seed."""
@@ -48,28 +49,6 @@ class Report:
             shared | {"seconds": self.seconds} | {name: n[s] for name, n in per_seed.items()}
             for s in range(n_seeds)
         ]
-
-    @property
-    def warning(self) -> str | None:
-        """What looks like negative transfer, or like none, in this iteration."""
-        numbers = self.stats.numbers
-        if "kept_reward" not in numbers:
-            return None
-        kept, own = numbers["kept_reward"], numbers["student_reward"]
-        if not numbers["kept_fraction"].any():
-            return (
-                f"iteration {self.stats.iteration}: no teacher sample passed ζ, so instance "
-                "transfer taught nothing; lower --threshold or change select.scale"
-            )
-        worse = kept < own  # not where nothing was kept: kept is nan
-        if not worse.any():
-            return None
-        whose = f" of {worse.sum()} of {len(worse)} seeds" if len(worse) > 1 else ""
-        return (
-            f"iteration {self.stats.iteration}: the kept teacher samples{whose} were paid less per "
-            f"step than the student itself ({kept[worse].mean():.3g} < {own[worse].mean():.3g}): "
-            "negative transfer?"
-        )
 
 
 def append_csv(path: Path, rows: list[dict[str, Any]]) -> None:

@@ -10,6 +10,7 @@ from time import perf_counter
 from typing import Any
 
 from repaint_cli import checkpoint, zoo
+from repaint_cli.alarms import Alarm, alarms_of, reference_beside
 from repaint_cli.config import TransferConfig
 from repaint_cli.errors import StoreError, telling_where
 from repaint_cli.evaluate import Episodes, evaluate, spaces_of
@@ -92,6 +93,8 @@ class Experiment:
         if method.warm_start:
             warm_start(student, self.staff, task)
         self.reports: list[Report] = []
+        self.alarms: list[Alarm] = []
+        self.reference = reference_beside(plan.folder, task) if self.staff.teachers else None
         self.best_return = float("-inf")
         self._logs: list[Simtrace] = []
         self._claim_folder()
@@ -162,6 +165,7 @@ class Experiment:
             row | {"seed": seed} for row, seed in zip(report.rows, self.plan.seeds, strict=True)
         ]
         append_csv(folder / "metrics.csv", rows)
+        self.alarms += alarms_of(report, self.reports, self.reference)
         self.reports.append(replace(report, stats=replace(report.stats, rollout=None)))
         means = report.evaluation.returns.mean(1)
         s = int(means.argmax())
@@ -190,8 +194,15 @@ class Experiment:
             "transfer": plan.transfer.model_dump(mode="json"),
             "versions": versions(),
             "iterations": len(self.reports),
+            "alarms": [alarm.record() for alarm in self.alarms],
         } | more
         write_text(plan.folder / "run.json", json.dumps(record, indent=2) + "\n")
+
+    @property
+    def newest_alarms(self) -> list[Alarm]:
+        """What looked wrong in the last iteration."""
+        last = self.reports[-1].stats.iteration if self.reports else 0
+        return [alarm for alarm in self.alarms if alarm.iteration == last]
 
     def policies(self) -> list[Path]:
         """Write each seed's last policy as a teacher file of its own; return where they are."""

@@ -2,7 +2,6 @@
 
 import io
 import json
-import re
 from pathlib import Path
 
 import numpy as np
@@ -18,8 +17,6 @@ from repaint_cli.cli import examine, screen
 from repaint_cli.cli.app import app
 from repaint_cli.cli.options import parse_ratio, seed_list
 from repaint_cli.errors import RenderError
-from repaint_cli.learn.trainer import IterationStats
-from repaint_cli.metrics import Report
 from repaint_cli.runs import Experiment, Plan
 from repaint_cli.spaces import Spaces
 
@@ -77,25 +74,6 @@ def test_numbers_of_an_iteration_fit_on_a_line(repaint):
         "transfer", "--task", "racer-inner", "--method", "scratch", "--run", "run", *QUICK_LAP
     )
     assert all(len(line) <= 80 for line in said.out.splitlines() if line.startswith("iteration"))
-
-
-@pytest.mark.parametrize(
-    ("share", "kept", "own", "warning"),
-    [
-        ([0.5], [0.1], [0.2], "samples were paid less per step .* itself \\(0.1 < 0.2\\)"),
-        ([0.5], [0.2], [0.1], None),
-        ([0.5, 0.5], [1, 10], [2, 3], "samples of 1 of 2 seeds were paid .* \\(1 < 2\\)"),
-        ([0, 0.5], [np.nan, 2], [1, 1], None),
-        ([0, 0], [np.nan, np.nan], [1, 1], "no teacher sample passed ζ"),
-    ],
-)
-def test_what_looks_like_negative_transfer_is_warned_of(share, kept, own, warning):
-    given = {"kept_fraction": share, "kept_reward": kept, "student_reward": own}
-    numbers = {name: np.array(values, float) for name, values in given.items()}
-    said = Report(IterationStats(4, "instance", numbers), None, 0.0).warning
-    assert (said is None) == (warning is None)
-    if warning:
-        assert re.match(f"iteration 4: .*{warning}", said)
 
 
 def test_eval_without_a_name_plays_the_newest_run(repaint, home):

@@ -1,5 +1,6 @@
 """What people see during a run: a live display on a terminal, a line per iteration elsewhere."""
 
+from collections.abc import Sequence
 from types import TracebackType
 
 import numpy as np
@@ -9,6 +10,7 @@ from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.text import Text
 
+from repaint_cli.alarms import Alarm
 from repaint_cli.metrics import Report
 from repaint_cli.runs import Experiment
 
@@ -51,16 +53,16 @@ class Screen:
         if out.is_terminal:
             self._live.stop()
 
-    def show(self, report: Report) -> None:
-        """Show an iteration's numbers."""
+    def show(self, report: Report, alarms: Sequence[Alarm] = ()) -> None:
+        """Show an iteration's numbers, and what looks wrong."""
         numbers = numbers_of(report)
         if out.is_terminal:
             self._progress.update(self._bar, completed=report.stats.iteration)
             self._numbers = Text("  " + numbers)
         else:
             out.print(f"iteration {report.stats.iteration}/{self._total} · {numbers}")
-        if report.warning:
-            out.print(f"[yellow]warning:[/yellow] {escape(report.warning)}")
+        for alarm in alarms:
+            out.print(f"[yellow]warning:[/yellow] {escape(alarm.text)}")
 
 
 def numbers_of(report: Report) -> str:

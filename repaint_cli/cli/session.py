@@ -90,7 +90,7 @@ def carry_out(plan: Plan, tensorboard: bool, teacher: tuple[str, Path] | None = 
     try:
         with Screen(experiment) as screen, events as watcher:
             for report in experiment.run():
-                screen.show(report)
+                screen.show(report, experiment.newest_alarms)
                 if watcher:
                     watcher.add(report)
     except KeyboardInterrupt:

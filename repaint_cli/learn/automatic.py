@@ -28,6 +28,9 @@ from repaint_cli.learn.advantages import Samples
 LEVELS = 101
 """Quantiles that stand for the student's advantages."""
 
+UNKNOWN = 1e30
+"""The error of what was seen once; a checkpoint holds finite numbers."""
+
 PATIENCE = 2
 """Own iterations without any β after which the transfer is over."""
 
@@ -131,8 +134,8 @@ class Measured:
 
 
 def mean_and_error(rows: np.ndarray) -> np.ndarray:
-    """Return each row's mean and its standard error, (2, S), of (S, E); infinite of one number."""
+    """Return each row's mean and its standard error, (2, S), of (S, E); `UNKNOWN` of one number."""
     n = rows.shape[1]
     if n < 2:
-        return np.stack([rows.mean(1) if n else np.zeros(len(rows)), np.full(len(rows), np.inf)])
+        return np.stack([rows.mean(1) if n else np.zeros(len(rows)), np.full(len(rows), UNKNOWN)])
     return np.stack([rows.mean(1), rows.std(1, ddof=1) / np.sqrt(n)])

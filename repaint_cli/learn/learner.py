@@ -38,6 +38,8 @@ class Learner:
     meant on their scale, by the critic that will judge the teacher's samples."""
     last_reward: torch.Tensor
     """Mean reward of each student's last own batch, (S,)."""
+    last_return: np.ndarray
+    """Mean return of the episodes of each student's last own rollout, (S,); nan of none."""
     last_batch: Transitions | None = None
     """Each student's last own batch, where teachers' samples are chosen by relevance to it."""
     measured: Measured | None = None
@@ -52,7 +54,10 @@ class Learner:
         student.initialize([generator(seed, Purpose.INITIALIZE) for seed in seeds])
         optimizer = RowAdam(student, learning_rate)
         nothing = (torch.zeros(n, 1), torch.ones(n, 1))
-        return cls(student, optimizer, seeds, 0, np.zeros(n, int), nothing, torch.zeros(n))
+        return cls(
+            student, optimizer, seeds, 0, np.zeros(n, int), nothing, torch.zeros(n),
+            np.full(n, np.nan),
+        )  # fmt: skip
 
     def act(
         self, task: TaskCard, k: int, policy: Policy | None = None, *, beside: int = 0
@@ -130,8 +135,9 @@ class Learner:
             for seed, store in enumerate(rollout.frames.stores):
                 self.student.normalizer.update(seed, store)
 
-    def remember(self, samples: Samples, batch: Transitions | None) -> None:
+    def remember(self, rollout: Rollout, samples: Samples, batch: Transitions | None) -> None:
         """Keep what teachers' samples will be judged against: the student's own batch."""
+        self.last_return = rollout.mean_returns()
         self.last_moments = moments(samples)
         self.last_reward = masked_mean(samples.rewards, samples.counts)
         self.last_batch = batch

@@ -49,6 +49,13 @@ class Rollout:
         seeds, returns, lengths = zip(*ended, strict=True) if ended else ((), (), ())
         return np.array(seeds, int), np.array(returns), np.array(lengths, int)
 
+    def mean_returns(self) -> np.ndarray:
+        """Return each seed's mean return of the episodes that ended here, nan of none, (S,)."""
+        n_seeds = self.valid.shape[1]
+        seeds, returns, _ = self.episodes()
+        with np.errstate(invalid="ignore"):
+            return np.bincount(seeds, returns, n_seeds) / np.bincount(seeds, minlength=n_seeds)
+
 
 class Tape:
     """Lists that grow step by step, and become a Rollout."""

@@ -118,7 +118,10 @@ def transfer_instances(
         "kept_reward": masked_mean(raw.rewards, counts).where(~nothing, torch.nan),
         "student_reward": learner.last_reward,
     }
-    return chosen.of(scaled), {name: number.numpy() for name, number in numbers.items()}
+    told = {name: number.numpy() for name, number in numbers.items()}
+    told["student_return"] = learner.last_return
+    told["teacher_return"] = np.mean([rollout.mean_returns() for rollout in rollouts], axis=0)
+    return chosen.of(scaled), told
 
 
 def _relevance(

@@ -113,7 +113,7 @@ def _on_policy_iteration(
     learner.see(rollout)
     samples = _own_samples(student, rollout, ppo)
     explained = _explained_variance(samples)
-    learner.remember(samples, transitions(rollout) if task.select.rule == "rbt" else None)
+    learner.remember(rollout, samples, transitions(rollout) if task.select.rule == "rbt" else None)
     batch = _prepared(samples, ppo)
     kept, numbers = None, dict[str, np.ndarray]()
     if phase == "joint":

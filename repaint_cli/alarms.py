@@ -1,0 +1,159 @@
+"""Negative transfer, noticed while it happens: what looks wrong in an iteration, and why."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass
+from math import exp
+from pathlib import Path
+
+import numpy as np
+
+from repaint_cli.errors import RepaintError
+from repaint_cli.history import Run, read_run
+from repaint_cli.metrics import Report
+from repaint_cli.tasks import TaskCard
+
+RARE = -4.0
+"""Mean log ρ below which the loss on instances has next to no slope."""
+
+IN_A_ROW = 3
+"""Iterations under the reference before there is an alarm."""
+
+
+@dataclass(frozen=True)
+class Alarm:
+    """Something that looks like negative transfer, or like none."""
+
+    iteration: int
+    kind: str
+    text: str
+
+    def record(self) -> dict[str, object]:
+        """Return it as JSON."""
+        return asdict(self)
+
+
+def alarms_of(
+    report: Report, before: Sequence[Report], reference: np.ndarray | None
+) -> list[Alarm]:
+    """Return what an iteration gives reason to say.
+
+    Args:
+        report: the iteration.
+        before: the ones before it.
+        reference: evaluated mean returns (S, K) of a run from scratch on the same task, or None.
+    """
+    found = list[tuple[str, str]]()
+    if "kept_reward" in report.stats.numbers:
+        found += [*_of_the_kept(report), *_of_the_teachers(report)]
+        found += _of_the_outcome(report, before[-1:])
+    if reference is not None:
+        found += _of_the_reference([*before[1 - IN_A_ROW :], report], reference)
+    k = report.stats.iteration
+    return [Alarm(k, kind, f"iteration {k}: {text}") for kind, text in found]
+
+
+def _of_the_kept(report: Report) -> Iterator[tuple[str, str]]:
+    numbers = report.stats.numbers
+    kept, own = numbers["kept_reward"], numbers["student_reward"]
+    worse = kept < own  # not where nothing was kept: kept is nan
+    if not numbers["kept_fraction"].any():
+        advice = "lower --threshold or change select.scale"
+        yield "nothing-kept", f"no teacher sample was kept, so nothing was taught; {advice}"
+    elif worse.any():
+        whose = f" of {worse.sum()} of {len(worse)} seeds" if len(worse) > 1 else ""
+        yield (
+            "kept-paid-less",
+            f"the kept teacher samples{whose} were paid less per step than the student itself "
+            f"({kept[worse].mean():.3g} < {own[worse].mean():.3g}): negative transfer?",
+        )
+
+
+def _of_the_teachers(report: Report) -> Iterator[tuple[str, str]]:
+    """Ask how likely the student finds what the teachers did, and what they earned."""
+    log_ratio = _mean(report, "log_ratio")
+    theirs, own = _mean(report, "teacher_return"), _mean(report, "student_return")
+    if log_ratio < RARE:
+        yield (
+            "rare-actions",
+            f"the student finds the kept actions {exp(log_ratio):.1g} times as likely as the "
+            f"teacher did (mean log ρ {log_ratio:.1f}), where the loss has next to no slope; raise "
+            "transfer.teacher_min_std or transfer.teacher_temperature",
+        )
+    if theirs < own:
+        yield (
+            "teacher-behind",
+            f"the teacher's episodes return {theirs:.4g} here, the student's own {own:.4g}: it has "
+            "little left to give; end sooner with --transfer-iterations?",
+        )
+
+
+def _of_the_outcome(report: Report, before: Sequence[Report]) -> Iterator[tuple[str, str]]:
+    """Ask whether the critic's expectation of the kept samples came true."""
+    promised = _mean(report, "kept_advantage")
+    if not before or not promised > 0:
+        return
+    (then, old_error), (now, new_error) = map(_evaluated, (before[0], report))
+    if now < then - 2 * np.hypot(old_error, new_error):
+        yield (
+            "worse-than-promised",
+            f"the kept samples promised {promised:.3g} more than expected, yet the return fell "
+            f"from {then:.4g} to {now:.4g}; a smaller transfer.alpha_2 or a higher --threshold "
+            "may help",
+        )
+
+
+def _of_the_reference(
+    reports: Sequence[Report], reference: np.ndarray
+) -> Iterator[tuple[str, str]]:
+    """Ask whether the last iterations were under those of a run from scratch."""
+    ks = [report.stats.iteration for report in reports]
+    if len(reports) < IN_A_ROW or ks[-1] > reference.shape[1]:
+        return
+    own = np.stack([report.evaluation.returns.mean(1) for report in reports], 1)
+    scratch = reference[:, [k - 1 for k in ks]]
+    error = np.sqrt(_squared_error(own) + _squared_error(scratch))
+    if (own.mean(0) < scratch.mean(0) - error).all():
+        yield (
+            "below-scratch",
+            f"for {IN_A_ROW} iterations the return was under that of the run from scratch beside "
+            f"this one ({own[:, -1].mean():.4g} against {scratch[:, -1].mean():.4g})",
+        )
+
+
+def _mean(report: Report, name: str) -> float:
+    """Return a number's mean over the seeds that have it, nan if none has."""
+    known = report.stats.numbers.get(name, np.empty(0))
+    known = known[np.isfinite(known)]
+    return float(known.mean()) if len(known) else float("nan")
+
+
+def _evaluated(report: Report) -> tuple[float, float]:
+    """Return the mean evaluated return of all seeds and its standard error over episodes."""
+    returns = report.evaluation.returns
+    n = returns.size
+    return float(returns.mean()), float(returns.std(axis=1).mean() / np.sqrt(n))
+
+
+def _squared_error(numbers: np.ndarray) -> np.ndarray | float:
+    """Return the squared standard error over seeds of each column of (S, K); 0 of one seed."""
+    return numbers.var(0, ddof=1) / len(numbers) if len(numbers) > 1 else 0.0
+
+
+def reference_beside(folder: Path, task: TaskCard) -> np.ndarray | None:
+    """Return evaluated mean returns (S, K) of the newest run from scratch beside a run's folder.
+
+    Its environment, reward, rollouts and evaluation are the same; damaged runs are passed over.
+    """
+    found = list[tuple[float, Run]]()
+    for path in folder.parent.glob("*/run.json"):
+        try:
+            run = read_run(path.parent)
+        except RepaintError:
+            continue
+        if run.method == "scratch" and run.returns.size and _basis(run.task) == _basis(task):
+            found.append((path.stat().st_mtime, run))
+    return max(found, key=lambda pair: pair[0])[1].returns if found else None
+
+
+def _basis(task: TaskCard) -> tuple[object, ...]:
+    return task.env, task.reward, task.ppo.n_steps, task.ppo.n_episodes, task.eval

@@ -1,0 +1,106 @@
+import json
+import re
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from tiny_runs import QUICK, add_teacher
+
+from repaint_cli.alarms import alarms_of, reference_beside
+from repaint_cli.cards import read_task
+from repaint_cli.learn.trainer import IterationStats
+from repaint_cli.metrics import Report
+
+SCRATCH = ["transfer", "--task", "reacher", "--method", "scratch", *QUICK]
+QUIET = {"kept_fraction": [0.5], "kept_reward": [2], "student_reward": [1]}
+
+
+def report(k=4, returns=((0.0, 0.0),), **numbers):
+    given = {name: np.array(values, float) for name, values in numbers.items()}
+    played = SimpleNamespace(returns=np.array(returns, float))
+    return Report(IterationStats(k, "instance", given), played, 0.0)
+
+
+def said(*args, before=(), reference=None, **numbers):
+    return [(a.kind, a.text) for a in alarms_of(report(*args, **numbers), before, reference)]
+
+
+@pytest.mark.parametrize(
+    ("share", "kept", "own", "kind", "warning"),
+    [
+        ([0.5], [0.1], [0.2], "kept-paid-less", "samples were paid less .* \\(0.1 < 0.2\\)"),
+        ([0.5], [0.2], [0.1], None, None),
+        ([0.5, 0.5], [1, 10], [2, 3], "kept-paid-less", "of 1 of 2 seeds were paid .* \\(1 < 2\\)"),
+        ([0, 0.5], [np.nan, 2], [1, 1], None, None),
+        ([0, 0], [np.nan, np.nan], [1, 1], "nothing-kept", "no teacher sample was kept"),
+    ],
+)
+def test_what_was_kept(share, kept, own, kind, warning):
+    found = said(kept_fraction=share, kept_reward=kept, student_reward=own)
+    assert [k for k, _ in found] == ([kind] if kind else [])
+    if kind:
+        assert re.match(f"iteration 4: .*{warning}", found[0][1])
+
+
+@pytest.mark.parametrize(("log_ratio", "alarm"), [(-4.1, True), (-3.9, False), (np.nan, False)])
+def test_actions_the_student_would_hardly_take(log_ratio, alarm):
+    found = said(**QUIET, log_ratio=[log_ratio])
+    assert [kind for kind, _ in found] == ["rare-actions"] * alarm
+    if alarm:
+        assert "0.02 times as likely" in found[0][1]
+
+
+@pytest.mark.parametrize(
+    ("theirs", "own", "alarm"), [(1, 2, True), (2, 1, False), (2, np.nan, False)]
+)
+def test_a_teacher_that_earns_less_than_the_student(theirs, own, alarm):
+    found = said(**QUIET, teacher_return=[theirs], student_return=[own])
+    assert [kind for kind, _ in found] == ["teacher-behind"] * alarm
+
+
+@pytest.mark.parametrize(
+    ("now", "promised", "alarm"), [(5.0, 1.0, True), (9.0, 1.0, False), (5.0, -1.0, False)]
+)
+def test_a_promise_of_the_critic_that_did_not_come_true(now, promised, alarm):
+    before = [report(3, [(9.0, 11.0)])]  # 10 ± ½·√2, and now the same: more than 2 is no chance
+    found = said(4, [(now - 1, now + 1)], before=before, **QUIET, kept_advantage=[promised])
+    assert [kind for kind, _ in found] == ["worse-than-promised"] * alarm
+    assert not said(1, [(0.0, 0.0)], **QUIET, kept_advantage=[promised])
+
+
+def test_three_iterations_in_a_row_under_scratch():
+    reference = np.array([[5.0, 5, 5, 5], [7.0, 7, 7, 7]])  # 6 ± 1
+    reports = [report(k, [(own, own)]) for k, own in enumerate((4.0, 5.5, 4.0, 4.0, 4.0), 1)]
+
+    def kinds(k):
+        found = alarms_of(reports[k - 1], reports[: k - 1], reference)
+        return [alarm.kind for alarm in found]
+
+    assert [kinds(k) for k in (1, 2, 3, 4)] == [[], [], [], []]
+    reports[1] = report(2, [(4.0, 4.0)])
+    assert kinds(2) == []
+    assert kinds(4) == ["below-scratch"]
+    assert kinds(5) == []  # where the reference has ended
+
+
+def test_the_newest_run_from_scratch_beside_a_run_is_its_reference(repaint, home):
+    folder, card = (
+        home / "runs" / "new",
+        read_task("reacher").with_settings(["ppo.n_steps=204", "ppo.n_envs=4", "eval.episodes=2"]),
+    )
+    assert reference_beside(folder, card) is None
+    repaint(*SCRATCH, "--run", "runs/one")
+    repaint(*SCRATCH, "--run", "runs/other", "--set", "reward.reward_ctrl=2")
+    (home / "runs" / "damaged").mkdir()
+    (home / "runs" / "damaged" / "run.json").write_text("{")
+    assert reference_beside(folder, card).shape == (1, 2)
+    assert reference_beside(folder, read_task("reacher")) is None
+
+
+def test_alarms_are_in_the_log_and_in_the_record(repaint, home):
+    add_teacher(home / "home" / "zoo")
+    words = ["transfer", "--task", "reacher", "--teacher", "old-hand", *QUICK, "--run", "run"]
+    told = repaint(*words, "--threshold", 1e9)
+    assert "warning: iteration 2: no teacher sample was kept" in told.out
+    (alarm, *_) = json.loads((home / "run" / "run.json").read_text())["alarms"]
+    assert (alarm["iteration"], alarm["kind"]) == (2, "nothing-kept")
