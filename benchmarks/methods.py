@@ -69,6 +69,7 @@ def readme_rows(task: str) -> Iterator[Row]:
             f"repaint from {teacher}, paper's numbers", "repaint", teacher, paper_numbers(task)
         )
         yield Row(f"repaint from {teacher}, our defaults", "repaint", teacher)
+        yield Row(f"repaint from {teacher}, --auto", "repaint", teacher, ("--auto",))
     if task == "reacher":  # what a teacher of a task that is alike deserves
         leaning = sets(transfer__kickstart_coef=1, transfer__iterations=15)
         label = "from reacher-gentle, leaning on it"
@@ -161,7 +162,7 @@ def run(row: Row, task: str, plan: tuple[str, str, str], folder: Path) -> Path:
         "--seed", seed, "--seeds", seeds, "--iterations", iterations, "--run", str(folder),
         *(("--teacher", row.teacher) if row.teacher else ()), *row.options,
     ]  # fmt: skip
-    card = read_task(task).with_settings(list(row.options[1::2]))
+    card = read_task(task).with_settings([word for word in row.options if "=" in word])
     settings = f"{' '.join(command)}\n{card.model_dump_json()}\n"
     done = folder / "done"
     if not done.exists() or done.read_text(encoding="utf-8") != settings:

@@ -122,7 +122,7 @@ class TransferConfig(Settings):
     alpha_2: float = Field(1.0, gt=0)
     """α₂, the same for L_ins."""
     alpha_power: float = Field(0.0, ge=0, le=1)
-    """a of the power law k^−a that both α are multiplied by (paper, theorem 5.2)."""
+    """a of the power law k^−a that both α are multiplied by (paper, section 5.1)."""
     warm_start: Literal["policy", "policy+value"] = "policy+value"
     """What `--method warm-start` takes from the teacher; the normaliser belongs to both."""
     warm_start_log_std: float | None = None

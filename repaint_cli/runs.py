@@ -145,8 +145,9 @@ class Experiment:
             return
         before = self.reports[-1].stats.numbers["env_steps"] if self.reports else 0
         steps = float((stats.numbers["env_steps"] - before).mean())
-        learner.measured.see_student(played.returns, steps, stats.phase == "instance")
-        learner.env_steps += played.lengths.sum(1)
+        if not learner.measured.ended:
+            learner.measured.see_student(played.returns, steps, stats.phase == "instance")
+            learner.env_steps += played.lengths.sum(1)
 
     def _measure(self, task: TaskCard) -> None:
         """Let students and teachers play the target task once, for transfer that decides itself."""

@@ -147,65 +147,6 @@ def two_runs(repaint, home):
     return home
 
 
-def test_compare_lays_runs_side_by_side(repaint, two_runs):
-    said = repaint("compare", "one", "two")
-    assert said.code == 0
-    assert (two_runs / "compare.png").read_bytes().startswith(b"\x89PNG")
-    assert "scratch " in said.out
-    assert "repaint from old-hand" in said.out
-    scratch, repainted = strict(repaint("compare", "one", "two", "--json").out)
-    assert scratch["target"] == repainted["target"]
-    assert scratch["reached"] in ([1], [2])
-    assert scratch["area"] == pytest.approx((scratch["k=1"] + strict_return("one", 2)) / 2, 1e-4)
-
-
-def strict_return(folder, k):
-    rows = (Path(folder) / "metrics.csv").read_text().splitlines()
-    return float(rows[k].split(",")[rows[0].split(",").index("eval_return")])
-
-
-def test_compare_does_without_a_scratch_run_and_passes_over_runs_that_never_began(
-    repaint, two_runs
-):
-    header = (two_runs / "one" / "metrics.csv").read_text().splitlines()[0]
-    (two_runs / "one" / "metrics.csv").write_text(header + "\n")
-    said = repaint("compare", *(path.name for path in two_runs.iterdir() if path.is_dir()))
-    assert said.code == 0
-    assert "unknown without a scratch run" in said.out
-    (only,) = strict(repaint("compare", "one", "two", "--json").out)
-    assert (only["run"], only["target"], only["reached"]) == ("repaint from old-hand", None, [None])
-
-
-def test_compare_refuses_runs_of_several_tasks(repaint, home):
-    repaint(*SCRATCH, "--run", "one")
-    repaint(*SCRATCH, "--task", "reacher-gentle", "--run", "two")
-    said = repaint("compare", "one", "two")
-    assert said.code == 3
-    assert said.err == "error: expected runs of one task, found reacher, reacher-gentle\n"
-
-
-def test_compare_refuses_runs_of_one_name_and_other_rewards(repaint, home):
-    repaint(*SCRATCH, "--run", "one")
-    repaint(*SCRATCH, "--set", "reward.reward_ctrl=2", "--run", "two")
-    said = repaint("compare", "one", "two")
-    assert said.code == 3
-    assert said.err == (
-        "error: expected runs of one task, found other [reward] settings in two than in one\n"
-    )
-
-
-def test_compare_tells_runs_of_one_name_and_other_lengths_apart(repaint, home):
-    repaint(*SCRATCH, "--run", "a/scratch")
-    repaint(*SCRATCH, "--run", "b/scratch", "--seed", 3, "--iterations", 4)
-    said = repaint("compare", "a/scratch", "b/scratch")
-    assert "b/scratch earned" in said.out
-    assert "up to iteration 2" in " ".join(said.out.split())
-    found = strict(repaint("compare", "a/scratch", "b/scratch", "--json").out)
-    assert [row["run"] for row in found] == ["a/scratch", "b/scratch"]
-    first, second = (strict_return("b/scratch", k) for k in (1, 2))
-    assert found[1]["area"] == pytest.approx((first + second) / 2, 1e-4)
-
-
 def test_a_method_without_a_teacher_ignores_the_one_named(repaint, home):
     said = repaint(*SCRATCH, "--teacher", "nobody", "--run", "run")
     assert said.code == 0

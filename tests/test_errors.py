@@ -115,6 +115,9 @@ SETTINGS = [
     (["eval", "old-hand", "--noise", "paper"], "--noise with a racing task, found 'reacher'"),
     (["tasks", "check", "mine.toml"], "mine.toml: unknown key 'ppo.gama'"),
     (["compare", "home"], "expected runs of one task, found no run"),
+    (["compare", "--task", "reacher", "--methods", ""], "expected --methods such as scratch,kick"),
+    (["compare", "--task", "reacher", "--methods", "scratch,scratch"], "expected --methods such"),
+    (["compare", "--task", "reacher", "--jobs", 0], "and --jobs of at least 1, found .* and 0"),
 ]  # fmt: skip
 SETTINGS += [
     ([*TRANSFER, "--ratio", ratio], "expected --ratio R:I, R representation .*such as 1:1 or 2:1")

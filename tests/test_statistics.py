@@ -5,8 +5,13 @@ from numpy.testing import assert_allclose, assert_array_equal
 from repaint_cli.report.statistics import (
     area_under_curve,
     bootstrap_mean,
+    differ_by_chance,
+    interquartile_mean,
+    iqm_ci,
+    iteration_of_mean,
     iterations_to,
     mean_ci,
+    reduction_ci,
 )
 
 NAN = np.nan
@@ -83,3 +88,40 @@ def test_iterations_count_from_one_and_never_is_nan():
 def test_a_flat_list_is_refused():
     with pytest.raises(ValueError, match="seeds, iterations"):
         iterations_to([1.0, 2.0], 1.0)
+
+
+def test_the_interquartile_mean_leaves_out_a_quarter_at_each_end():
+    assert interquartile_mean([100.0, 1.0, 2.0, -50.0]) == 1.5
+    assert interquartile_mean([3.0]) == 3.0
+    mean, low, high = iqm_ci([1.0, 2.0, 3.0, 4.0, 50.0])
+    assert mean == 3
+    assert 1 <= low < 3 < high <= 50
+    assert_array_equal(iqm_ci([3.0]), [3, NAN, NAN])
+
+
+def test_p_of_two_kinds_by_hand():
+    # of 20 ways to choose three of six, one is as high as this one and one as low
+    assert differ_by_chance([4.0, 5.0, 6.0], [1.0, 2.0, 3.0]) == pytest.approx(2 / 20)
+    assert differ_by_chance([1.0, 2.0, 3.0], [1.0, 2.0, 3.0]) == pytest.approx(1)
+    assert np.isnan(differ_by_chance([1.0], [2.0, 3.0]))
+
+
+def test_the_mean_reaches_the_target_or_does_not():
+    assert iteration_of_mean([[0.0, 2.0, 4.0], [0.0, 0.0, 4.0]], 1.0) == 2
+    assert np.isnan(iteration_of_mean([[0.0, 1.0]], 2.0))
+
+
+def test_reduction_by_hand():
+    scratch = [[0.0] * 9 + [1.0]] * 3  # K = 10
+    quick = [[0.0] * 3 + [1.0] * 7] * 3  # K = 4
+    assert_allclose(reduction_ci(quick, scratch, 1.0), [0.6, 0.6, 0.6])
+    assert_array_equal(reduction_ci([[0.0] * 10] * 3, scratch, 1.0), [NAN] * 3)
+    assert_allclose(reduction_ci(quick[:1], scratch, 1.0), [0.6, NAN, NAN])
+
+
+def test_the_interval_of_a_reduction_holds_what_other_seeds_might_have_shown():
+    scratch = [[0.0] * 9 + [1.0]] * 3
+    mixed = [[0.0] * k + [1.0] * (10 - k) for k in (1, 5, 7)]
+    mean, low, high = reduction_ci(mixed, scratch, 1.0)
+    assert mean == pytest.approx(0.2)  # all three are there at 8
+    assert (low, high) == (pytest.approx(0.2), pytest.approx(0.8))

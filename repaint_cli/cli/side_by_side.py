@@ -1,29 +1,26 @@
-"""The table of `repaint compare`."""
+"""What `repaint compare` reads and plays."""
 
 import json
 from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
-from rich.table import Table
-
 from repaint_cli.cli.examine import policies
 from repaint_cli.cli.played import racing_summary, table
 from repaint_cli.cli.screen import out
 from repaint_cli.cli.session import say_written
+from repaint_cli.cli.tables import print_comparison
 from repaint_cli.errors import CardError
 from repaint_cli.evaluate import evaluate, has_paths
 from repaint_cli.history import Run, read_run
 from repaint_cli.learn.seeding import Purpose
-from repaint_cli.report.pictures import draw_trajectories
-from repaint_cli.report.statistics import area_under_curve, iterations_to
+from repaint_cli.report import comparison
+from repaint_cli.report.comparison import reference_of
+from repaint_cli.report.dossier import title_of, write_dossier
+from repaint_cli.report.pictures import draw_curves, draw_trajectories
 from repaint_cli.simulators import RacerEnv
 
 EPISODES = 20
 """Episodes that the paper draws of each policy."""
-
-MARKS = (1, 5, 10, 20)
-"""Iterations whose returns are shown."""
 
 
 def read_runs(folders: Sequence[Path]) -> dict[str, Run]:
@@ -54,6 +51,47 @@ def _finished(folders: Sequence[Path]) -> list[Run]:
     """Read those folders that are runs with a finished iteration."""
     read = [read_run(f) for f in folders if (f / "run.json").is_file() or not f.is_dir()]
     return [run for run in read if run.returns.size]
+
+
+def compare(
+    folders: Sequence[Path],
+    reference: str,
+    target: str,
+    picture: Path | None,
+    report: Path | None,
+    as_json: bool,
+) -> None:
+    """Compare runs of one task: print, draw, and write a report where one is asked for.
+
+    Raises:
+        NotFound: there is no such folder or reference.
+        CardError: they are of several tasks, there is none, or the target is no number.
+    """
+    runs = read_runs(folders)
+    found = comparison.compare(runs, reference_of(runs, reference), _number(target))
+    if as_json:
+        rows = [comparison.record(standing) for standing in found.standings]
+        told = {"task": found.task, "target": found.target, "reference": found.reference}
+        print(json.dumps(told | {"iterations": found.iterations, "runs": rows}, indent=2))
+    else:
+        print_comparison(found)
+    if report:
+        written = write_dossier(runs, found, report)
+    else:
+        written = [picture or Path("compare.png")]
+        draw_curves(runs, written[0], title_of(found), found.target)
+    if not as_json:
+        say_written(written, "repaint transfer --help")
+
+
+def _number(target: str) -> float | None:
+    """Read --target: a number, or auto."""
+    if target == "auto":
+        return None
+    try:
+        return float(target)
+    except ValueError as error:
+        raise CardError(f"expected --target as a number or auto, found '{target}'") from error
 
 
 def play(folders: Sequence[Path], picture: Path, as_json: bool) -> None:
@@ -90,81 +128,3 @@ def _place(run: Run) -> str:
     """Return where a run's paths lie: the track, or the environment's id."""
     env = run.task.env
     return env.track if isinstance(env, RacerEnv) else env.id
-
-
-def rows(runs: dict[str, Run]) -> list[dict[str, object]]:
-    """Return each run's numbers over the iterations that all of them have.
-
-    The target is the best mean return of the first scratch run.
-    """
-    scratch = [run for run in runs.values() if run.method == "scratch"]
-    target = float(np.nanmax(scratch[0].returns.mean(0))) if scratch else None
-    common = min(run.returns.shape[1] for run in runs.values())
-    found = []
-    for label, run in runs.items():
-        returns = run.returns
-        marks = {f"k={k}": _at(returns, k) for k in MARKS}
-        row: dict[str, object] = {"run": label, "method": run.method, "seeds": len(returns)} | marks
-        if run.progress is not None:
-            row |= {f"progress k={k}": _at(run.progress, k) for k in MARKS}
-        area = area_under_curve(returns[:, :common])
-        reached = iterations_to(returns, np.nan if target is None else target)
-        found.append(
-            row
-            | {"area": float(area.mean()), "area_spread": float(np.ptp(area))}
-            | {"area_iterations": common}
-            | {"target": target, "reached": [None if np.isnan(k) else int(k) for k in reached]}
-        )
-    return found
-
-
-def verdicts(found: list[dict[str, object]]) -> list[str]:
-    """Say in a sentence per run whether its area is ahead of the first scratch run's, or not."""
-    scratch = next((row for row in found if row["method"] == "scratch"), None)
-    if scratch is None:
-        return []
-    base = float(str(scratch["area"]))
-    sentences = []
-    for row in found:
-        if row is not scratch:
-            ahead = float(str(row["area"])) - base
-            word = "above" if ahead > 0 else "below"
-            sentences.append(
-                f"{row['run']} earned {abs(ahead):.3g} {word} {scratch['run']} per iteration "
-                f"(mean return {float(str(row['area'])):.4g} against {base:.4g})"
-            )
-    return sentences
-
-
-def _at(numbers: np.ndarray, k: int) -> float | None:
-    return float(numbers[:, k - 1].mean()) if k <= numbers.shape[1] else None
-
-
-def print_comparison(runs: dict[str, Run], as_json: bool) -> None:
-    """Print the table, or the same numbers as JSON."""
-    found = rows(runs)
-    if as_json:
-        print(json.dumps(found, indent=2))
-        return
-    table = Table("run", *(f"k={k}" for k in MARKS), "area", "to target", box=None)
-    for row in found:
-        cells = []
-        for k in MARKS:
-            value, progress = row[f"k={k}"], row.get(f"progress k={k}")
-            text = "-" if value is None else f"{value:.4g}"
-            cells.append(text if progress is None else f"{text} ({progress:.0f} %)")
-        reached = row["reached"]
-        assert isinstance(reached, list)
-        cells.append(f"{row['area']:.4g}")
-        cells.append(", ".join("never" if k is None else str(k) for k in reached))
-        table.add_row(str(row["run"]), *cells)
-    out.print(table)
-    for sentence in verdicts(found):
-        out.print(sentence)
-    target = found[0]["target"]
-    reach = "unknown without a scratch run" if target is None else f"{target:.4g}"
-    out.print(
-        "k: mean evaluation return after iteration k (lap progress); area: under the curve up to "
-        f"iteration {found[0]['area_iterations']}, per iteration; to target: each seed's first "
-        f"iteration at scratch's best mean, {reach}"
-    )

@@ -61,7 +61,7 @@ def threshold(k: int, select: SelectConfig, transfer: TransferConfig) -> float:
 
 
 def alphas(k: int, transfer: TransferConfig) -> tuple[float, float]:
-    """Return α₁ and α₂, both times k^−a (paper, theorem 5.2, whose A_k is their quotient).
+    """Return α₁ and α₂, both times k^−a (paper, section 5.1, whose A_k is their quotient).
 
     After the transfer α₁ is 1: what remains is PPO.
     """

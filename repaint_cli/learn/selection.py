@@ -1,4 +1,4 @@
-"""Which teacher samples survive: experience selection (paper, sections 4.2 and 6.1).
+"""Which teacher samples survive: experience selection (paper, sections 4.2 and 6.2).
 
 The paper's rule keeps Â′ ≥ ζ; the others are those it was compared with.
 """

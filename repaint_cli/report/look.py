@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from itertools import cycle
 from pathlib import Path
 
+import matplotlib
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import Colormap, LinearSegmentedColormap, to_hex, to_rgb
@@ -88,10 +89,14 @@ def note(
 
 
 def save(figure: Figure, path: Path) -> None:
-    """Write a figure as a PNG in one step; the same figure always gives the same bytes.
+    """Write a figure as a PNG or SVG in one step; the same figure always gives the same bytes.
 
     Raises:
         StoreError: the file cannot be written; what was there before is still there.
     """
     with written_whole(path) as scratch:
-        figure.savefig(scratch, format="png", dpi=DPI, metadata={"Software": None})
+        if path.suffix == ".svg":
+            with matplotlib.rc_context({"svg.hashsalt": "repaint", "svg.fonttype": "none"}):
+                figure.savefig(scratch, format="svg", metadata={"Date": None})
+        else:
+            figure.savefig(scratch, format="png", dpi=DPI, metadata={"Software": None})

@@ -56,20 +56,23 @@ def _draw_training(run: Run, title: str) -> list[Path]:
     return [heatmap, progress]
 
 
-def draw_curves(runs: dict[str, Run], path: Path, title: str) -> None:
-    """Draw learning curves of runs on one task, by label."""
+def draw_curves(runs: dict[str, Run], path: Path, title: str, target: float | None = None) -> None:
+    """Draw learning curves of runs on one task, by label, and what they were to reach."""
     some = list(runs.values())
     progress = {label: run.progress for label, run in runs.items() if run.progress is not None}
     scratch = [run.returns for run in some if run.method == "scratch"]
     taught = [run for run in some if run.record["teachers"] and run.method != "warm-start"]
     lengths = {int(run.record["transfer"]["iterations"]) for run in taught}
     best = float(np.nanmax(scratch[0].mean(0))) if scratch and len(some) > 1 else None
+    mark = None if best is None else (best, "scratch's best")
+    if target is not None and target != best:
+        mark = (target, "target")
     plot_curves(
         {label: run.returns for label, run in runs.items()},
         path,
         title=title,
         progress=progress or None,
-        reference=None if best is None else (best, "scratch's best"),
+        reference=mark,
         transfer_iterations=lengths.pop() if len(lengths) == 1 else None,
     )
 

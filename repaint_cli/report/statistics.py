@@ -1,17 +1,20 @@
 """Few runs, honest numbers: means with bootstrap intervals, and the numbers of a transfer report.
 
-Pure numpy and deterministic. `nan` means "no value": a number over runs is nan as soon as one of
-them has none, because a mean over only the runs that got there would flatter.
+Deterministic, on numpy and `scipy.stats`. `nan` means "no value": a number over runs is nan as soon
+as one of them has none, because a mean over only the runs that got there would flatter.
 
 **R** runs · **S** seeds · **K** iterations, numbered from 1.
 """
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy import stats
 
 Floats = NDArray[np.float64]
 
 RESAMPLES = 10_000
+AT_ONCE = 500
+"""Resamples that lie in memory together."""
 
 
 def mean_ci(values: ArrayLike, level: float = 0.95, seed: int = 0) -> tuple[float, float, float]:
@@ -48,14 +51,99 @@ def bootstrap_mean(values: Floats, level: float = 0.95, seed: int = 0) -> tuple[
     n_runs, n_columns = values.shape
     if n_runs < 2:
         return np.full(n_columns, np.nan), np.full(n_columns, np.nan)
-    generator = np.random.default_rng(seed)
-    drawn = generator.multinomial(n_runs, np.full(n_runs, 1 / n_runs), RESAMPLES)  # (RESAMPLES, R)
     low, high = np.full((2, n_columns), np.nan)
     known = ~np.isnan(values).any(axis=0)  # (K,)
-    tails = [(1 - level) / 2, (1 + level) / 2]
-    means = drawn @ values[:, known] / n_runs  # (RESAMPLES, known)
-    low[known], high[known] = np.quantile(means, tails, axis=0)
+    if known.any():
+        found = stats.bootstrap(
+            (values[:, known],), np.mean, axis=0, n_resamples=RESAMPLES, batch=AT_ONCE,
+            confidence_level=level, method="percentile", rng=np.random.default_rng(seed),
+        )  # fmt: skip
+        low[known], high[known] = found.confidence_interval
     return low, high
+
+
+def interquartile_mean(values: ArrayLike) -> float:
+    """Return the mean of the middle half of the runs (R,): less moved by one lucky or lost seed."""
+    runs = _vector(values)
+    return float(stats.trim_mean(runs, 0.25)) if len(runs) else float("nan")
+
+
+def iqm_ci(values: ArrayLike, level: float = 0.95, seed: int = 0) -> tuple[float, float, float]:
+    """Return the interquartile mean over runs (R,) and its percentile bootstrap interval."""
+    runs = _vector(values)
+    if len(runs) < 2 or np.isnan(runs).any():
+        return interquartile_mean(runs), np.nan, np.nan
+    found = stats.bootstrap(
+        (runs,), lambda x, axis: stats.trim_mean(x, 0.25, axis), n_resamples=RESAMPLES,
+        confidence_level=level, method="percentile", rng=np.random.default_rng(seed),
+    )  # fmt: skip
+    low, high = found.confidence_interval
+    return interquartile_mean(runs), float(low), float(high)
+
+
+def differ_by_chance(values: ArrayLike, others: ArrayLike, seed: int = 0) -> float:
+    """Return how often runs of one kind, split at random, differ as much in their means: p.
+
+    A permutation test of two sides, exact where there are few splits; nan where there is one.
+
+    Args:
+        values: one number a run, (R,).
+        others: the same of the other kind, (R′,).
+        seed: of the splits, where there are more than 10,000.
+    """
+    both = _vector(values), _vector(others)
+    if min(len(runs) for runs in both) < 2 or any(np.isnan(runs).any() for runs in both):
+        return float("nan")
+
+    def gap(one: Floats, other: Floats, axis: int) -> Floats:
+        return np.asarray(one.mean(axis) - other.mean(axis))
+
+    found = stats.permutation_test(
+        both, gap, vectorized=True, n_resamples=RESAMPLES, rng=np.random.default_rng(seed)
+    )
+    return float(found.pvalue)
+
+
+def iteration_of_mean(returns: ArrayLike, target: float) -> float:
+    """Return the first iteration, from 1, at which the seeds' mean is at least `target`, or nan."""
+    return float(iterations_to(_matrix(returns).mean(axis=0, keepdims=True), target)[0])
+
+
+def reduction_ci(
+    returns: ArrayLike, reference: ArrayLike, target: float, level: float = 0.95, seed: int = 0
+) -> tuple[float, float, float]:
+    """Return 1 − K / K_ref and its percentile bootstrap interval, seeds drawn with replacement.
+
+    K and K_ref are the iterations at which the means over seeds reach the target (paper, table 1).
+    A drawn mean that never gets there counts as one iteration more than there are.
+
+    Args:
+        returns: evaluated mean returns, (S, K).
+        reference: the same of the run it is compared with, (S′, K′).
+        target: in the unit of the return.
+        level: what share of the resampled numbers the interval holds.
+        seed: of the resampling.
+    """
+    own, theirs = _matrix(returns), _matrix(reference)
+
+    def reduced(rows: NDArray[np.int64], others: NDArray[np.int64]) -> float:
+        reached = [
+            np.nan_to_num(iteration_of_mean(curves[drawn], target), nan=curves.shape[1] + 1)
+            for curves, drawn in ((own, rows), (theirs, others))
+        ]
+        return 1 - float(reached[0]) / float(reached[1])
+
+    seeds = np.arange(len(own)), np.arange(len(theirs))
+    mean = reduced(*seeds)
+    if np.isnan(iteration_of_mean(own, target)) or min(len(own), len(theirs)) < 2:
+        never = np.isnan(iteration_of_mean(own, target))
+        return (np.nan if never else mean), np.nan, np.nan
+    found = stats.bootstrap(
+        seeds, reduced, vectorized=False, n_resamples=RESAMPLES // 10, confidence_level=level,
+        method="percentile", rng=np.random.default_rng(seed),
+    )  # fmt: skip
+    low, high = found.confidence_interval
+    return mean, float(low), float(high)
 
 
 def area_under_curve(returns: ArrayLike) -> Floats:

@@ -1,0 +1,222 @@
+"""`repaint compare`: the numbers, the tables, the folder, and the training of several methods."""
+
+import csv
+import io
+import json
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from rich.console import Console
+from tiny_runs import QUICK, add_teacher
+
+from repaint_cli.cli import tables
+from repaint_cli.errors import NotFound
+from repaint_cli.report.comparison import COLUMNS, compare, record, reference_of
+
+SCRATCH = ["transfer", "--task", "reacher", "--method", "scratch", *QUICK]
+
+
+def run(method, *returns, steps=100.0, seconds=2.0):
+    """A run that earned these returns, (S, K)."""
+    curves = np.array(returns, float)
+    k = np.arange(1, curves.shape[1] + 1) * np.ones((len(curves), 1))
+    rows = {"eval_return": curves, "env_steps": steps * k, "seconds": seconds * k}
+    return SimpleNamespace(
+        method=method, label=method, returns=curves, rows=rows, task=SimpleNamespace(name="reacher")
+    )
+
+
+SLOW = run("scratch", [0, 1, 2, 3, 4], [0, 1, 2, 3, 4], [0, 1, 2, 3, 4])
+QUICKER = run("repaint", [0, 4, 4, 4, 4], [2, 4, 4, 4, 4], [1, 4, 4, 4, 4], steps=200, seconds=1)
+LOST = run("instance", [0, 0, 0, 0, 3], [0, 0, 0, 0, 3])
+
+
+def standings(*runs, target=None):
+    found = compare({r.method: r for r in runs}, "scratch", target)
+    return found, {standing.label: standing for standing in found.standings}
+
+
+def test_the_target_is_the_references_best_mean_unless_one_is_given():
+    assert standings(SLOW, QUICKER)[0].target == 4
+    assert standings(SLOW, QUICKER, target=2.5)[0].target == 2.5
+    assert compare({"repaint": QUICKER}, None, None).target is None
+
+
+def test_to_the_target_by_hand():
+    _, rows = standings(SLOW, QUICKER, LOST)
+    scratch, repaint, lost = (rows[name] for name in ("scratch", "repaint", "instance"))
+    assert (scratch.reached, repaint.reached) == (5, 2)
+    assert repaint.reduced == pytest.approx((0.6, 0.6, 0.6))
+    assert (repaint.env_steps, repaint.seconds) == (400, 2)
+    assert repaint.seconds_reduced == pytest.approx(1 - 2 / 10)
+    assert np.isnan([lost.reached, *lost.reduced, lost.env_steps, lost.seconds]).all()
+    assert np.isnan(lost.reached_each).all()
+    assert np.isnan([*scratch.reduced, scratch.seconds_reduced, scratch.chance]).all()
+
+
+def test_scores_by_hand():
+    _, rows = standings(SLOW, QUICKER)
+    repaint = rows["repaint"]
+    assert repaint.first[0] == 1
+    assert repaint.area[0] == pytest.approx((0.5 * 1 + 4 + 4 + 4 + 0.5 * 4) / 4)
+    assert (repaint.best, repaint.final) == (4, (4, 4, 4))
+    assert repaint.chance == pytest.approx(2 / 20)
+
+
+def test_areas_are_over_the_iterations_that_all_runs_have():
+    short = run("repaint", [4, 4], [4, 4])
+    found, rows = standings(SLOW, short)
+    assert found.iterations == 2
+    assert rows["scratch"].area[0] == 0.5
+
+
+def test_the_reference_is_a_label_or_a_method_and_scratch_may_be_absent():
+    runs = {"scratch": SLOW, "runs/b": QUICKER}
+    assert reference_of(runs, "scratch") == "scratch"
+    assert reference_of(runs, "repaint") == reference_of(runs, "runs/b") == "runs/b"
+    assert reference_of({"runs/b": QUICKER}, "scratch") is None
+    with pytest.raises(NotFound, match="unknown reference 'kickstart'"):
+        reference_of(runs, "kickstart")
+
+
+def test_a_record_is_strict_json():
+    found, _ = standings(SLOW, LOST)
+    rows = [record(standing) for standing in found.standings]
+    told = json.loads(json.dumps(rows, allow_nan=False))
+    assert tuple(told[0]) == COLUMNS
+    assert (told[0]["k"], told[1]["k"], told[1]["k_each"]) == (5, None, [None, None])
+
+
+def test_tables_fit_80_columns_and_say_not_achieved(monkeypatch):
+    screen = Console(file=io.StringIO(), width=80, highlight=False)
+    monkeypatch.setattr(tables, "out", screen)
+    found, _ = standings(SLOW, QUICKER, LOST)
+    tables.print_comparison(found)
+    text = screen.file.getvalue()
+    assert max(map(len, text.splitlines())) <= 80
+    for words in ("target 4, the best mean of scratch", "60% [60%, 60%]", "not achieved", "0.1"):
+        assert words in text
+    assert "repaint earned 1.62 above scratch per iteration" in text
+
+
+@pytest.mark.parametrize(
+    ("seconds", "said"), [(42.4, "42 s"), (186, "3.1 min"), (9000, "2.5 h"), (0.2, "0 s")]
+)
+def test_durations_are_read_at_a_glance(seconds, said):
+    assert tables.duration(seconds) == said
+
+
+@pytest.fixture
+def two_runs(repaint, home):
+    add_teacher(home / "home" / "zoo")
+    repaint(*SCRATCH, "--run", "one")
+    words = ["transfer", "--task", "reacher", "--teacher", "old-hand", *QUICK]
+    repaint(*words, "--run", "two")
+    return home
+
+
+def test_compare_lays_runs_side_by_side(repaint, two_runs):
+    said = repaint("compare", "one", "two")
+    assert said.code == 0
+    assert (two_runs / "compare.png").read_bytes().startswith(b"\x89PNG")
+    assert "repaint from old-hand" in said.out
+    told = json.loads(repaint("compare", "one", "two", "--json").out)
+    scratch, taught = told["runs"]
+    returns = column(two_runs / "one", "eval_return")
+    assert told["target"] == pytest.approx(max(returns), rel=1e-5)
+    assert scratch["k"] == 1 + returns.index(max(returns))
+    assert scratch["area"] == pytest.approx(sum(returns) / 2, rel=1e-5)
+    assert taught["env_steps"] in (None, 204, 408)
+
+
+def column(folder, name):
+    with (folder / "metrics.csv").open() as file:
+        return [float(row[name]) for row in csv.DictReader(file)]
+
+
+def test_a_report_stands_alone(repaint, two_runs):
+    said = repaint("compare", "one", "two", "--report", "report")
+    assert said.code == 0
+    folder = two_runs / "report"
+    names = {"README.md", "comparison.csv", "curves.csv", "curves.png", "curves.svg"}
+    assert {path.name for path in folder.iterdir()} == names
+    assert not (two_runs / "compare.png").exists()
+    page = (folder / "README.md").read_text()
+    assert "![learning curves](curves.png)" in page
+    assert page.count("\n| ") == 3  # heads and two runs
+    with (folder / "comparison.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert [row["run"] for row in rows] == ["scratch", "repaint from old-hand"]
+    with (folder / "curves.csv").open() as file:
+        means = [float(row["mean"]) for row in csv.DictReader(file) if row["run"] == "scratch"]
+    assert means == pytest.approx(column(two_runs / "one", "eval_return"), rel=1e-5)
+    before = (folder / "curves.svg").read_bytes()
+    repaint("compare", "one", "two", "--report", "report")
+    assert (folder / "curves.svg").read_bytes() == before
+
+
+def test_a_target_and_a_reference_may_be_named(repaint, two_runs):
+    words = ["compare", "one", "two", "--json", "--target", "-99", "--reference", "repaint"]
+    told = json.loads(repaint(*words).out)
+    assert (told["target"], told["reference"]) == (-99, "repaint from old-hand")
+    assert [row["k"] for row in told["runs"]] == [1, 1]
+
+
+def test_compare_does_without_a_scratch_run_and_passes_over_runs_that_never_began(
+    repaint, two_runs
+):
+    header = (two_runs / "one" / "metrics.csv").read_text().splitlines()[0]
+    (two_runs / "one" / "metrics.csv").write_text(header + "\n")
+    said = repaint("compare", *(path.name for path in two_runs.iterdir() if path.is_dir()))
+    assert said.code == 0
+    assert "unknown without a run from scratch" in said.out
+    told = json.loads(repaint("compare", "one", "two", "--json").out)
+    (only,) = told["runs"]
+    assert (only["run"], told["target"], only["k"]) == ("repaint from old-hand", None, None)
+
+
+def test_compare_refuses_runs_of_several_tasks(repaint, home):
+    repaint(*SCRATCH, "--run", "one")
+    repaint(*SCRATCH, "--task", "reacher-gentle", "--run", "two")
+    said = repaint("compare", "one", "two")
+    assert said.code == 3
+    assert said.err == "error: expected runs of one task, found reacher, reacher-gentle\n"
+
+
+def test_compare_refuses_runs_of_one_name_and_other_rewards(repaint, home):
+    repaint(*SCRATCH, "--run", "one")
+    repaint(*SCRATCH, "--set", "reward.reward_ctrl=2", "--run", "two")
+    said = repaint("compare", "one", "two")
+    assert said.code == 3
+    assert said.err == (
+        "error: expected runs of one task, found other [reward] settings in two than in one\n"
+    )
+
+
+def test_compare_tells_runs_of_one_name_and_other_lengths_apart(repaint, home):
+    repaint(*SCRATCH, "--run", "a/scratch")
+    repaint(*SCRATCH, "--run", "b/scratch", "--seed", 3, "--iterations", 4)
+    said = repaint("compare", "a/scratch", "b/scratch")
+    assert "b/scratch earned" in said.out
+    assert "over 2 iterations" in " ".join(said.out.split())
+    told = json.loads(repaint("compare", "a/scratch", "b/scratch", "--json").out)
+    assert [row["run"] for row in told["runs"]] == ["a/scratch", "b/scratch"]
+    first, second, *_ = column(home / "b" / "scratch", "eval_return")
+    assert told["runs"][1]["area"] == pytest.approx((first + second) / 2, rel=1e-4)
+
+
+def test_several_methods_are_trained_on_the_same_seeds_and_compared(repaint, home):
+    add_teacher(home / "home" / "zoo")
+    words = ["--task", "reacher", "--teacher", "old-hand", "--methods", "scratch,kickstart"]
+    rest = [word for word in QUICK if word not in ("--eval-episodes",)]
+    rest = ["--iterations", 2, *QUICK[4:], "--set", "eval.episodes=2"]
+    said = repaint("compare", *words, *rest, "--seeds", 2, "--jobs", 2, "--report", "report")
+    assert said.code == 0, said.err
+    (folder,) = (home / "runs" / "reacher").iterdir()
+    assert {path.name for path in folder.iterdir()} == {"scratch", "kickstart"}
+    for method in ("scratch", "kickstart"):
+        record = json.loads((folder / method / "run.json").read_text())
+        assert (record["state"], record["seeds"], record["method"]) == ("finished", [0, 1], method)
+        assert (folder / method / "curves.png").is_file()
+    assert "kickstart from old-hand" in (home / "report" / "README.md").read_text()
