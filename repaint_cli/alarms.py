@@ -139,10 +139,11 @@ def _squared_error(numbers: np.ndarray) -> np.ndarray | float:
     return numbers.var(0, ddof=1) / len(numbers) if len(numbers) > 1 else 0.0
 
 
-def reference_beside(folder: Path, task: TaskCard) -> np.ndarray | None:
+def reference_beside(folder: Path, task: TaskCard, algorithm: str) -> np.ndarray | None:
     """Return evaluated mean returns (S, K) of the newest run from scratch beside a run's folder.
 
-    Its environment, reward, rollouts and evaluation are the same; damaged runs are passed over.
+    Its environment, reward, rollouts, evaluation and algorithm are the same; damaged runs are
+    passed over.
     """
     found = list[tuple[float, Run]]()
     for path in folder.parent.glob("*/run.json"):
@@ -150,10 +151,12 @@ def reference_beside(folder: Path, task: TaskCard) -> np.ndarray | None:
             run = read_run(path.parent)
         except RepaintError:
             continue
-        if run.method == "scratch" and run.returns.size and _basis(run.task) == _basis(task):
+        same = run.record.get("algorithm") == algorithm and _basis(run.task) == _basis(task)
+        if run.method == "scratch" and same and run.returns.size:
             found.append((path.stat().st_mtime, run))
     return max(found, key=lambda pair: pair[0])[1].returns if found else None
 
 
 def _basis(task: TaskCard) -> tuple[object, ...]:
-    return task.env, task.reward, task.ppo.n_steps, task.ppo.n_episodes, task.eval
+    ppo = task.ppo
+    return task.env, task.reward, ppo.n_steps, ppo.n_episodes, ppo.objective, task.eval

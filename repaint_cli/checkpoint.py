@@ -13,7 +13,9 @@ from torch import Tensor
 from repaint_cli.errors import CheckpointError
 from repaint_cli.files import KEY, header_of, opened, written_whole
 from repaint_cli.learn.automatic import Measured
+from repaint_cli.learn.frames import Frames
 from repaint_cli.learn.learner import Learner
+from repaint_cli.learn.transitions import Transitions
 from repaint_cli.nets import ActorCritic
 
 
@@ -87,6 +89,8 @@ def save_learner(path: Path, learner: Learner, header: Mapping[str, Any]) -> Non
     tensors |= {f"last/{name}": part for name, part in _last(learner).items()}
     if learner.measured:
         tensors |= {f"measured/{n}": part for n, part in learner.measured.state().items()}
+    if learner.last_batch:
+        tensors |= {f"batch/{n}": part for n, part in _batch(learner.last_batch).items()}
     counters = {
         "after_instance": learner.after_instance,
         "seeds": learner.seeds,
@@ -115,7 +119,8 @@ def load_learner(path: Path, learner: Learner) -> None:
     learner.last_moments = (last["mean"], last["std"])
     learner.last_reward = last["reward"]
     learner.last_return = np.where(last["ended"], last["return"], np.nan)
-    measured = part("measured/")
+    batch, measured = part("batch/"), part("measured/")
+    learner.last_batch = _read_batch(batch) if batch else None
     learner.measured = Measured.load(measured) if measured else None
     learner.after_instance = header["after_instance"]
     learner.iteration = header["iteration"]
@@ -129,6 +134,18 @@ def _last(learner: Learner) -> dict[str, Tensor]:
         "mean": mean, "std": std, "reward": learner.last_reward,
         "return": returns.nan_to_num(0.0), "ended": ~returns.isnan(),
     }  # fmt: skip
+
+
+def _batch(batch: Transitions) -> dict[str, Tensor]:
+    """Return a batch of vectors as tensors, each seed's observations by themselves."""
+    stores = {f"store{s}": store for s, store in enumerate(batch.frames.stores)}
+    return {**batch.parts, "counts": batch.counts, **stores}
+
+
+def _read_batch(tensors: Mapping[str, Tensor]) -> Transitions:
+    stores = [tensors[f"store{s}"] for s in range(len(tensors["counts"]))]
+    rest = {name: part for name, part in tensors.items() if not name.startswith("store")}
+    return Transitions(frames=Frames(stores), **rest)
 
 
 def load_networks(path: Path, network: ActorCritic) -> None:

@@ -44,6 +44,13 @@ class Run:
         return self.rows["eval_return"]
 
     @property
+    def taught_until(self) -> int:
+        """The last iteration in which a teacher had a part, from 1; 0 if none had."""
+        advised = np.nan_to_num(self.rows["kickstart_coef"]) > 0
+        taught = (advised | ~np.isnan(self.rows["kept_fraction"])).any(0)
+        return int(taught.nonzero()[0].max(initial=-1)) + 1
+
+    @property
     def progress(self) -> np.ndarray | None:
         """Evaluated mean lap progress, (S, K) in %; None off the track."""
         progress = self.rows["eval_progress"]
@@ -96,7 +103,7 @@ def newest_run(root: Path) -> Path:
     """
     runs = [
         path.parent
-        for path in root.glob("*/*/run.json")
+        for path in root.rglob("run.json")
         if all((path.parent / name).is_file() for name in ("checkpoint.safetensors", "metrics.csv"))
     ]
     if not runs:

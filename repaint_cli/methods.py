@@ -29,13 +29,13 @@ class Method:
 
     def apply(self, transfer: "TransferConfig") -> "TransferConfig":
         """Switch off what this method leaves out; what remains is all the trainer sees."""
-        off: dict[str, float | bool] = {"joint": self.joint}
+        off: dict[str, float | bool | str] = {"joint": self.joint}
         if not self.kickstart:
-            off["kickstart_coef"] = 0.0
+            off |= {"kickstart_coef": 0.0, "kickstart_schedule": "geometric"}
         if not self.instance:
-            off["instance"] = 0
+            off |= {"instance": 0, "phases": "ratio"}
         if not (self.kickstart or self.instance):
-            off["alpha_1"] = 1.0
+            off |= {"alpha_1": 1.0, "alpha_power": 0.0}
         return transfer.model_copy(update=off)
 
 

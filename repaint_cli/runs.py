@@ -13,13 +13,12 @@ from repaint_cli import checkpoint, zoo
 from repaint_cli.alarms import Alarm, alarms_of, reference_beside
 from repaint_cli.config import TransferConfig
 from repaint_cli.errors import StoreError, telling_where
-from repaint_cli.evaluate import Episodes, evaluate, spaces_of
+from repaint_cli.evaluate import evaluate, spaces_of
 from repaint_cli.files import write_text
 from repaint_cli.learn import q_learning, trainer
-from repaint_cli.learn.automatic import Measured
 from repaint_cli.learn.learner import Learner
 from repaint_cli.learn.seeding import Purpose
-from repaint_cli.learn.trainer import IterationStats
+from repaint_cli.measuring import check_episodes, inform, measure
 from repaint_cli.methods import METHODS
 from repaint_cli.metrics import COLUMNS, Report, append_csv
 from repaint_cli.nets import ActorCritic
@@ -83,6 +82,7 @@ class Experiment:
         self.plan, task, method = plan, plan.target, METHODS[plan.method]
         spaces = spaces_of(task)
         task.check_rollout()
+        check_episodes(task)
         if plan.algorithm == "q-learning":
             q_learning.check(task, spaces)
         student = ActorCritic(spaces, task.net, len(plan.seeds))
@@ -94,7 +94,8 @@ class Experiment:
             warm_start(student, self.staff, task)
         self.reports: list[Report] = []
         self.alarms: list[Alarm] = []
-        self.reference = reference_beside(plan.folder, task) if self.staff.teachers else None
+        beside_it = reference_beside(plan.folder, task, plan.algorithm)
+        self.reference = beside_it if self.staff.teachers else None
         self.best_return = float("-inf")
         self._logs: list[Simtrace] = []
         self._claim_folder()
@@ -121,14 +122,14 @@ class Experiment:
         """
         started, state = perf_counter(), "interrupted"
         learner, task = self.learner, self.plan.target
-        if task.automatic and self.staff.teachers:
-            self._measure(task)
         try:
+            if task.automatic and self.staff.teachers:
+                measure(task, learner, self.staff.teachers)
             for stats in ALGORITHMS[self.plan.algorithm](task, learner, self.staff.teachers):
                 k = stats.iteration
                 with telling_where(learner.seeds, f"evaluation after iteration {k}"):
                     played = evaluate(learner.student, task, learner.seeds, task.eval.episodes, k)
-                self._inform(stats, played)
+                inform(task, learner, stats, played)
                 report = Report(stats, played, perf_counter() - started)
                 self._record(report)
                 yield report
@@ -137,25 +138,6 @@ class Experiment:
             if self.reports and state != "finished":  # forget a half-done iteration
                 checkpoint.load_learner(self.plan.folder / CHECKPOINT, learner)
             self._write_record(state, seconds=round(perf_counter() - started, 1))
-
-    def _inform(self, stats: IterationStats, played: Episodes) -> None:
-        """Let transfer that decides itself know how the students do; such episodes count."""
-        learner = self.learner
-        if learner.measured is None:
-            return
-        before = self.reports[-1].stats.numbers["env_steps"] if self.reports else 0
-        steps = float((stats.numbers["env_steps"] - before).mean())
-        if not learner.measured.ended:
-            learner.measured.see_student(played.returns, steps, stats.phase == "instance")
-            learner.env_steps += played.lengths.sum(1)
-
-    def _measure(self, task: TaskCard) -> None:
-        """Let students and teachers play the target task once, for transfer that decides itself."""
-        networks = [self.learner.student, *(teacher.network for teacher in self.staff.teachers)]
-        played = [evaluate(net, task, self.plan.seeds, task.eval.episodes) for net in networks]
-        self.learner.env_steps += sum(episodes.lengths.sum(1) for episodes in played)
-        own, *taught = [episodes.returns for episodes in played]
-        self.learner.measured = Measured(own, taught)
 
     def _record(self, report: Report) -> None:
         folder = self.plan.folder
@@ -227,6 +209,7 @@ class Experiment:
             n_actions=spaces.n_actions,
             discrete=spaces.discrete,
             n_beams=spaces.n_beams,
+            algorithm=self.plan.algorithm,
             method=self.plan.method,
             seed=self.plan.seeds[s],
             iteration=self.learner.iteration,

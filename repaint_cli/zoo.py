@@ -56,6 +56,8 @@ class TeacherCard(Settings):
     """Whether actions are numbers."""
     n_beams: int = 0
     """Ranges of a lidar beside an image."""
+    algorithm: str = "ppo"
+    """What trained it; the policy of q-learning has Q for its logits, and no critic."""
     method: str
     """How it was trained."""
     seed: int

@@ -1,4 +1,5 @@
 import json
+import os
 import re
 from types import SimpleNamespace
 
@@ -88,13 +89,16 @@ def test_the_newest_run_from_scratch_beside_a_run_is_its_reference(repaint, home
         home / "runs" / "new",
         read_task("reacher").with_settings(["ppo.n_steps=204", "ppo.n_envs=4", "eval.episodes=2"]),
     )
-    assert reference_beside(folder, card) is None
+    assert reference_beside(folder, card, "ppo") is None
     repaint(*SCRATCH, "--run", "runs/one")
     repaint(*SCRATCH, "--run", "runs/other", "--set", "reward.reward_ctrl=2")
     (home / "runs" / "damaged").mkdir()
     (home / "runs" / "damaged" / "run.json").write_text("{")
-    assert reference_beside(folder, card).shape == (1, 2)
-    assert reference_beside(folder, read_task("reacher")) is None
+    repaint(*SCRATCH, "--run", "runs/newest", "--seeds", 2)
+    os.utime(home / "runs" / "one" / "run.json", (1, 1))
+    assert reference_beside(folder, card, "ppo").shape == (2, 2)
+    assert reference_beside(folder, card, "q-learning") is None
+    assert reference_beside(folder, read_task("reacher"), "ppo") is None
 
 
 def test_alarms_are_in_the_log_and_in_the_record(repaint, home):

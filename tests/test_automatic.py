@@ -8,8 +8,11 @@ from test_selection import batch
 from tiny_learners import learner_of, stranger, taught_by, transferring, with_transfer
 from tiny_tasks import guess, reach
 
+from repaint_cli.config import TransferConfig
 from repaint_cli.learn.automatic import Measured, mean_and_error
+from repaint_cli.learn.teachers import transfer_instances
 from repaint_cli.learn.trainer import train
+from repaint_cli.methods import METHODS
 
 
 def returns(*means, spread=0.0, n=4):
@@ -22,10 +25,10 @@ def measured(own=-10.0, taught=(-4.0,), spread=0.0):
     return Measured(returns(own, spread=spread), [returns(t, spread=spread) for t in taught])
 
 
-def after(found, *own, spread=0.0, steps=100.0, instance=False):
+def after(found, *own, spread=0.0, steps=100.0):
     """Two evaluations alike: the student's return is the mean of the last two."""
     for _ in range(2):
-        found.see_student(returns(*own, spread=spread), steps, instance)
+        found.see_student(returns(*own, spread=spread), steps, "ppo")
     return found
 
 
@@ -50,9 +53,9 @@ def test_the_signs_of_returns_do_not_matter(shift):
 
 
 def test_what_may_be_chance_is_no_lead():
-    # J_T − J_S = 6, e = √(1 + 1): β = (6 − √2)/6
+    # J_T − J_S = 6, e_T = 1, e_S = √(1 + 1)/2: β = (6 − √1.5)/6
     found = measured(own=-10, taught=(-4,), spread=1.0)
-    assert_allclose(found.betas([None]), [[1 - np.sqrt(2) / 6]])
+    assert_allclose(found.betas([None]), [[1 - np.sqrt(1.5) / 6]])
     assert_allclose(after(found, -5.0, spread=1.0).betas([None]), [[0.0]])
 
 
@@ -87,7 +90,7 @@ def test_nothing_is_kept_of_a_teacher_without_a_lead():
     found = measured()
     found.see_advantages(batch([0.0, 1.0]))
     found.note(np.array([[0.0]]))
-    assert found.shares(batch([5.0, 6.0])).item() == 0
+    assert found.shares(batch([])).item() == 0  # samples of those who do not lead are left out
     assert not found.instance_next()
 
 
@@ -95,11 +98,11 @@ def test_instances_stop_once_they_clearly_gain_less():
     found = measured(own=-10.0)
     assert found.instance_next()
     for own, instance in ((-9.0, False), (-9.0, True), (-8.0, False), (-8.0, True)):
-        found.see_student(returns(own), 100.0, instance)
+        found.see_student(returns(own), 100.0, "instance" if instance else "ppo")
     assert not found.instance_next()  # 1 in each own iteration, 0 in each with instances
     again = measured(own=-10.0)
     for own, instance in ((-9.0, False), (-7.0, True), (-6.0, False), (-4.0, True)):
-        again.see_student(returns(own), 100.0, instance)
+        again.see_student(returns(own), 100.0, "instance" if instance else "ppo")
     assert again.instance_next()
 
 
@@ -131,7 +134,7 @@ def test_a_teacher_in_the_lead_teaches_until_the_student_has_passed_it(make):
     for stat in train(task, learner, taught_by(stranger(task, 2))):
         told.append((stat.phase, stat.numbers.get("kickstart_coef", np.zeros(2)).tolist()))
         own = 0.0 if stat.iteration < 4 else 9.0
-        learner.measured.see_student(returns(own, own), 72.0, stat.phase == "instance")
+        learner.measured.see_student(returns(own, own), stat.steps, stat.phase)
     phases = [phase for phase, _ in told]
     assert phases[0] == "representation"
     assert told[0][1] == [1, 1]
@@ -171,3 +174,49 @@ def test_a_cosine_that_is_not_positive_is_believed():
     opposed = [replace(teacher, cosine=-1.0) for teacher in taught_by(stranger(task))]
     (stat,) = train(task, learner, opposed)
     assert stat.phase == "ppo"
+
+
+def test_of_several_teachers_only_those_in_the_lead_give_samples():
+    task = automatic(reach(n_iterations=1))
+    learner = learner_of(task, [0, 1])
+    learner.measured = Measured(returns(0.0, 0.0), [returns(6.0, 6.0), returns(-6.0, 6.0)])
+    learner.measured.note(learner.measured.betas([None, None]))
+    learner.measured.quantiles[:] = -1e9  # everything surpasses the students'
+    both = taught_by(stranger(task, 2, seed=5), stranger(task, 2, seed=6))
+    kept, _ = transfer_instances(task, learner, both, 2)
+    assert kept.counts.tolist() == [36, 72]
+
+
+@pytest.mark.parametrize("rule", ["zeta", "auto"])
+def test_a_part_that_is_automatic_alone_ends_too(rule):
+    task = reach(n_iterations=6, select={"rule": rule, "threshold": -1e9})
+    task = with_transfer(task, transferring(phases="auto", iterations=99))
+    learner = learner_of(task, [0])
+    learner.measured = Measured(returns(0.0), [returns(-6.0)])
+    stats = list(train(task, learner, taught_by(stranger(task))))
+    assert learner.measured.ended
+    assert {stat.phase for stat in stats[2:]} == {"ppo"}
+
+
+def test_a_joint_transfer_ends():
+    task = automatic(reach(n_iterations=4), joint=True)
+    learner = learner_of(task, [0])
+    learner.measured = Measured(returns(0.0), [returns(-6.0)])
+    stats = list(train(task, learner, taught_by(stranger(task))))
+    assert stats[-1].phase == "ppo"
+
+
+def test_while_the_critic_warms_up_nothing_is_gained_or_lost():
+    found = measured()
+    found.see_student(returns(-9.0), 100.0, "critic")
+    assert found.gains == {False: [], True: []}
+
+
+@pytest.mark.parametrize("method", ["scratch", "warm-start", "kickstart", "instance"])
+def test_what_a_method_leaves_out_is_not_decided_either(method):
+    auto = TransferConfig(kickstart_schedule="auto", phases="auto", alpha_power=0.5)
+    left = METHODS[method].apply(auto)
+    kickstart, instance = method == "kickstart", method == "instance"
+    assert (left.kickstart_schedule == "auto") == kickstart
+    assert (left.phases == "auto") == instance
+    assert (left.alpha_power > 0) == (kickstart or instance)

@@ -114,7 +114,7 @@ def test_a_step_has_the_gradients_of_the_plain_one(discrete, hidden, beta):
     def learn(student, optimizer, ppo):
         once = ppo.model_copy(update={"n_epochs": 1})
         return learn_on_policy(
-            student, optimizer, batch, once, rngs(), teacher=advice, beta=beta, alpha_1=0.5
+            student, optimizer, batch, once, rngs(), teacher=advice, beta=beta, rate=0.5
         )
 
     told, learned = both(discrete, hidden, learn)

@@ -1,5 +1,6 @@
 """Weights in and out: strict, to the bit, and a learner that goes on as if nothing had happened."""
 
+import numpy as np
 import pytest
 import torch
 from safetensors import safe_open
@@ -19,6 +20,8 @@ from repaint_cli.checkpoint import (
 from repaint_cli.config import TransferConfig
 from repaint_cli.errors import CheckpointError
 from repaint_cli.files import KEY
+from repaint_cli.learn.automatic import Measured
+from repaint_cli.learn.teachers import Teacher
 from repaint_cli.learn.trainer import train
 
 TASKS = pytest.mark.parametrize("make", [reach, guess])
@@ -50,6 +53,25 @@ def test_a_learner_saved_half_way_goes_on_bit_for_bit(tmp_path, make):
     assert equal(copies(straight.student), copies(resumed.student))
     assert equal(straight.optimizer.state(), resumed.optimizer.state())
     assert straight.env_steps.tolist() == resumed.env_steps.tolist()
+
+
+def test_what_relevance_and_automatic_transfer_go_by_is_kept(tmp_path):
+    def run(learner, n_iterations):
+        task = reach(n_iterations=n_iterations, select={"rule": "rbt", "share": 0.5})
+        teacher = Teacher(stranger(task, 2), weights=np.array([1.0, 0.5]))
+        list(train(with_transfer(task, TransferConfig()), learner, [teacher]))
+        return learner
+
+    straight = run(learner_of(reach(), [3, 5]), 4)
+    half = run(learner_of(reach(), [3, 5]), 3)  # an instance iteration comes next
+    half.measured = Measured(np.zeros((2, 1)), [np.ones((2, 1))])
+    save_learner(tmp_path / "half", half, {})
+    resumed = learner_of(reach(), [3, 5])
+    load_learner(tmp_path / "half", resumed)
+    assert equal(resumed.measured.state(), half.measured.state())
+    resumed.measured = None
+    run(resumed, 4)
+    assert equal(copies(straight.student), copies(resumed.student))
 
 
 @TASKS

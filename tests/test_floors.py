@@ -26,7 +26,7 @@ FLOORS = [
     {"evaluate", "checkpoint", "history"},
     {"zoo", "metrics", "traces"},
     {"simtrace"},
-    {"teaching", "alarms"},
+    {"teaching", "alarms", "measuring"},
     {"runs"},
     {"report"},
     {"cli"},

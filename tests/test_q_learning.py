@@ -9,7 +9,15 @@ from repaint_cli.config import QLearningConfig
 from repaint_cli.errors import CardError
 from repaint_cli.evaluate import evaluate
 from repaint_cli.learn.frames import Frames
-from repaint_cli.learn.q_learning import Experience, _Memory, epsilon, epsilon_greedy, q_loss, train
+from repaint_cli.learn.q_learning import (
+    Experience,
+    _experience,
+    _Memory,
+    epsilon,
+    epsilon_greedy,
+    q_loss,
+    train,
+)
 
 Q = {"memory": 500, "gradient_steps": 20, "epsilon_iterations": 2}
 
@@ -87,20 +95,33 @@ def test_epsilon_greedy_takes_the_best_and_otherwise_any():
     assert greedy.sample(noise).item() == 1
 
 
-def test_memory_forgets_whole_iterations_the_oldest_first():
+def test_memory_keeps_each_seeds_newest_and_what_they_saw():
     task = guess(n_episodes=6)
-    learner, memory, sizes = learner_of(task, [0, 1]), _Memory(60), []
+    learner, memory, made = learner_of(task, [0, 1]), _Memory(60), []
     for k in range(1, 6):
         rollout = learner.act(task, k)
-        sizes.append(rollout.valid.sum((0, 2)).max())
-        memory.add(rollout, from_teacher=k % 2 == 0)
-        assert memory.all.counts.max() < 60 + sizes[-1] + sizes[0]
-    first = next(i for i in range(5) if sum(sizes[i + 1 :]) < 60)
-    kept = memory.all.counts
-    assert kept.max() <= sum(sizes[first:])
-    assert kept.max() >= 60
-    rows, after = memory.all.rows[0, 0], memory.all.next_rows[0, 0]
-    assert after > rows
+        made.append(_experience(task, rollout, from_teacher=k % 2 == 0))
+        kept = memory.add([made[-1]])
+    whole = Experience.together(made)
+    assert kept.counts.tolist() == [60, 60]
+    for s, n in enumerate(whole.counts.tolist()):
+        for name in ("actions", "rewards", "terminations", "from_teacher"):
+            assert torch.equal(getattr(kept, name)[s], getattr(whole, name)[s, n - 60 : n]), name
+        for rows in ("rows", "next_rows"):
+            seen = kept.frames.stores[s][getattr(kept, rows)[s]]
+            expected = whole.frames.stores[s][getattr(whole, rows)[s, n - 60 : n]]
+            assert torch.equal(seen, expected)
+        assert len(kept.frames.stores[s]) < len(whole.frames.stores[s])
+
+
+def test_a_time_limit_may_be_terminal():
+    ends = []
+    for limit in ("bootstrap", "terminal"):
+        task = guess(n_episodes=40, time_limit=limit)
+        rollout = learner_of(task, [0]).act(task, 1)
+        ends.append(_experience(task, rollout, from_teacher=False).terminations.sum())
+        assert rollout.truncations[rollout.valid].any()
+    assert ends[0] < ends[1] == 40
 
 
 @pytest.mark.parametrize("image", [False, True])
@@ -128,7 +149,7 @@ def test_q_learning_learns_to_guess():
 
 
 def test_the_same_seed_gives_the_same_bits_and_seeds_do_not_meet():
-    task = learning(guess())
+    task = learning(guess(), memory=20)
     ends = []
     for seeds in ([4, 7], [4, 7], [7]):
         learner = learner_of(task, seeds)

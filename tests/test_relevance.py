@@ -104,3 +104,12 @@ def test_seeds_are_judged_one_by_one_and_may_have_unequal_numbers():
         alone = relevance(moves(target[s]), [moves(source[s])], select)
         assert_allclose(both[s, :n], alone[0], rtol=1e-5)
         assert both[s].sum() == pytest.approx(1)
+
+
+def test_where_nothing_is_near_all_are_alike():
+    target = moves([(0.1 * i, 0.1 * i, 0.2 * i, 0.3 * i) for i in range(5)])
+    far = moves([(1e4 * i, 0.0, 0.0, 0.0) for i in range(5, 9)])
+    found = relevance(target, [far], SelectConfig(rule="rbt"))[0]
+    assert torch.isfinite(found).all()
+    assert found.sum() == pytest.approx(1)
+    assert (found > 0.2).all()

@@ -127,6 +127,20 @@ def test_a_students_file_names_its_teachers_hash_and_is_a_teacher(repaint, home)
     assert said.code == 0
 
 
+def test_an_interruption_before_the_first_iteration_is_on_record(home, monkeypatch):
+    path = add_teacher(home / "home" / "zoo")
+    card = read_task("reacher").with_settings(["transfer.phases=auto", "eval.episodes=2"])
+    experiment = runs.Experiment(runs.Plan(card, "repaint", [0], home / "run", (path,)))
+
+    def interrupt(*args):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(runs, "measure", interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        next(experiment.run())
+    assert record_of(home / "run")["state"] == "interrupted"
+
+
 def test_tensorboard_gets_the_same_numbers(repaint, home):
     pytest.importorskip("tensorboard")
     assert repaint(*SCRATCH, "--tensorboard").code == 0

@@ -10,7 +10,10 @@ from tiny_learners import learner_of, stranger, taught_by, trained, transferring
 from tiny_tasks import guess, reach
 from torch.testing import assert_close
 
+from repaint_cli.config import SelectConfig
 from repaint_cli.distributions import Gaussian
+from repaint_cli.learn import students
+from repaint_cli.learn import teachers as teachers_module
 from repaint_cli.learn.advantages import describe, to_samples
 from repaint_cli.learn.learner import _part
 from repaint_cli.learn.objectives import instance_loss, representation_loss
@@ -149,6 +152,8 @@ def test_every_objective_trains(make, objective, joint):
     weights, numbers = learned(task, taught_by(stranger(task, 2)), joint=joint)
     assert torch.isfinite(weights).all()
     assert np.isfinite(numbers[0]["policy_loss"]).all()
+    usual, _ = learned(make(n_epochs=1), taught_by(stranger(task, 2)), joint=joint)
+    assert torch.allclose(weights, usual, atol=1e-6) == (objective == "clipped")
 
 
 def test_trpos_instances_are_penalised_by_the_divergence_from_who_acted():
@@ -223,14 +228,65 @@ def test_advantages_after_the_critics_fit_are_other_advantages():
     assert_close(both[0][:, cut:], both[1][:, cut:])  # the critic's fit is the same
 
 
-def test_whole_episodes_are_cut_to_the_steps_asked_for_once_advantages_are_known():
+def test_whole_episodes_are_cut_to_the_steps_asked_for_once_advantages_are_known(monkeypatch):
+    batches, learn = [], students.learn_on_policy
+
+    def spy(student, optimizer, batch, *args, **kwargs):
+        batches.append(batch)
+        return learn(student, optimizer, batch, *args, **kwargs)
+
+    monkeypatch.setattr(students, "learn_on_policy", spy)
     task = reach(n_iterations=1, n_steps=70, n_envs=1, whole_episodes=True, minibatch_size=1000)
     learner = learner_of(task, [0])
     (stat,) = train(task, learner)
     assert learner.env_steps == 72  # nine episodes of eight
-    assert stat.numbers["episode_length"] == 8
-    rollout = stat.rollout
-    assert rollout.truncations[rollout.valid].sum() == 9
+    assert stat.rollout.truncations[stat.rollout.valid].sum() == 9
+    assert batches[0].counts.tolist() == [70]
+    assert abs(batches[0].advantages.mean()) > 1e-6  # standardised over all 72
+    kept, _ = transfer_instances(
+        task.model_copy(update={"select": SelectConfig(rule="all")}), learner,
+        taught_by(stranger(task)), 2,
+    )  # fmt: skip
+    assert kept.counts.tolist() == [70]
+
+
+def test_where_episodes_are_counted_nothing_is_cut():
+    ends = [
+        learned(guess(n_iterations=1, n_episodes=9, n_steps=10, whole_episodes=whole), ())[0]
+        for whole in (False, True)
+    ]
+    assert torch.equal(*ends)
+
+
+def test_a_joint_update_after_the_critics_fit_judges_everybody_by_the_fitted_critic(monkeypatch):
+    judged, estimate = [], teachers_module.to_samples
+
+    def spy(rollout, value, ppo):
+        judged.append(value.__self__.storage.clone())
+        return estimate(rollout, value, ppo)
+
+    monkeypatch.setattr(teachers_module, "to_samples", spy)
+    task = reach(n_iterations=1, advantages="after", compiled=False, select={"rule": "all"})
+    learner = learner_of(task, [0])
+    before, cut = learner.student.storage.clone(), learner.student.n_policy
+    taught = with_transfer(task, transferring(joint=True))
+    list(train(taught, learner, taught_by(stranger(task))))
+    (at,) = judged
+    assert torch.equal(at[:, :cut], before[:, :cut])
+    assert not torch.equal(at[:, cut:], before[:, cut:])
+    assert torch.equal(at[:, cut:], learner.student.storage[:, cut:])
+
+
+@pytest.mark.parametrize("compiled", [True, False])
+def test_alphas_are_the_policies_own_and_leave_critics_their_rate(compiled):
+    task = reach(n_iterations=1, compiled=compiled)
+    ends = [
+        learned(task, taught_by(stranger(task, 2)), alpha_1=alpha, kickstart_coef=0.0)[0]
+        for alpha in (1.0, 0.1)
+    ]
+    cut = learner_of(task, [0]).student.n_policy
+    assert not torch.equal(ends[0][:, :cut], ends[1][:, :cut])
+    assert torch.equal(ends[0][:, cut:], ends[1][:, cut:])
 
 
 def test_epsilon_and_the_learning_rate_fall_during_training():

@@ -131,18 +131,20 @@ def test_a_row_that_waited_goes_on_as_if_it_had_not():
     assert torch.equal(students[0].storage[0, :cut], students[1].storage[0, :cut])
 
 
-def test_scale_scales_the_step_and_only_that_step():
-    moves = []
+def test_scale_scales_the_policys_step_and_only_that_step():
+    moves, critics = [], []
     for scale in (1.0, 0.25):
         student = drawn()
-        optimizer, before = optimizer_of(student), student.storage.clone()
+        optimizer, cut = optimizer_of(student), student.n_policy
         student.gradients.fill_(1.0)
-        optimizer.step([True], [True], scale)
-        moves.append((student.storage - before).mean().item())
-        before = student.storage.clone()
-        optimizer.step([True], [True])
-        moves.append((student.storage - before).mean().item())
+        for scaled in (scale, 1.0):
+            before = student.storage.clone()
+            optimizer.step([True], [True], scaled)
+            moved = (student.storage - before)[0]
+            moves.append(moved[:cut].mean().item())
+            critics.append(moved[cut:].mean().item())
     assert moves == pytest.approx([-1e-2, -1e-2, -0.25e-2, -1e-2], rel=1e-3)
+    assert critics == pytest.approx([-1e-2] * 4, rel=1e-3)
 
 
 def test_a_loaded_optimiser_goes_on_where_the_saved_one_was():
@@ -397,7 +399,7 @@ def moved(samples, learn, **coefficients):
 
 def test_alpha_scales_the_learning_rate_of_an_iteration():
     samples = samples_of(4)
-    for learn, name in ((learn_on_policy, "alpha_1"), (learn_from_instances, "alpha_2")):
+    for learn, name in ((learn_on_policy, "rate"), (learn_from_instances, "alpha_2")):
         whole, half = moved(samples, learn), moved(samples, learn, **{name: 0.5})
         assert_close(half, whole / 2, rtol=1e-4, atol=1e-7)
 
@@ -410,8 +412,9 @@ def test_alpha_weighs_the_two_losses_of_a_joint_update():
     (0.3 * own + 2.0 * taught).sum().backward()
     expected = student.gradients.clone()
     ppo, optimizer = PPO.model_copy(update={"n_epochs": 1}), optimizer_of(student)
-    alphas = {"alpha_1": 0.3, "alpha_2": 2.0}
-    learn_on_policy(student, optimizer, samples, ppo, generators(), instances=instances, **alphas)
+    learn_on_policy(
+        student, optimizer, samples, ppo, generators(), instances=instances, alphas=(0.3, 2.0)
+    )
     assert_close(student.gradients, expected)
     step = PPO.learning_rate * expected / (expected.abs() + 1e-5)  # Adam's first, not scaled
     assert_close(student.storage, drawn().storage - step)
@@ -424,7 +427,7 @@ def test_what_a_seed_learns_jointly_does_not_depend_on_what_its_neighbour_kept()
         learn_on_policy(
             student, optimizer_of(student), samples_of(6, 6), PPO, generators(2),
             instances=samples_of(0, 5).pick(*front(torch.arange(5) < torch.tensor(kept)[:, None])),
-            alpha_1=0.01,
+            alphas=(0.01, 1.0),
         )  # fmt: skip
         ends.append(student.storage[0].clone())
     assert torch.equal(*ends)

@@ -7,6 +7,9 @@ import typer
 
 from repaint_cli.cli import options
 
+METHODS = "scratch,kickstart,instance,repaint"
+"""What is trained where --methods does not say: the paper's table 1."""
+
 
 def compare(
     folders: Annotated[
@@ -26,12 +29,19 @@ def compare(
         list[str] | None, typer.Option(help="With --task: a teacher; again for several.")
     ] = None,
     methods: Annotated[
-        str, typer.Option(help="With --task: which, with commas between.")
-    ] = "scratch,kickstart,instance,repaint",
-    seeds: options.Seeds = 3,
-    seed: options.Seed = 0,
+        str | None,
+        typer.Option(help=f"With --task: which, with commas between; default: {METHODS}."),
+    ] = None,
+    seeds: Annotated[
+        int | None, typer.Option(help="With --task: how many seeds each; default: 3.")
+    ] = None,
+    seed: Annotated[
+        int | None, typer.Option(help="With --task: the first seed; default: 0.")
+    ] = None,
     iterations: options.Iterations = None,
-    jobs: Annotated[int, typer.Option(help="With --task: how many runs at a time.")] = 1,
+    jobs: Annotated[
+        int | None, typer.Option(help="With --task: how many runs at a time; default: 1.")
+    ] = None,
     settings: options.Set = None,
     output: Annotated[Path | None, typer.Option(help="The picture; default: compare.png.")] = None,
     report: Annotated[
@@ -54,10 +64,22 @@ def compare(
     """
     from repaint_cli.cli import contest, side_by_side
 
-    named = list(folders or [])
+    named, goal = list(folders or []), side_by_side.target_of(target)
+    if not task:
+        options.refuse(
+            "--task", teacher=teacher, methods=methods, seeds=seeds, seed=seed,
+            iterations=iterations, jobs=jobs, set=settings,
+        )  # fmt: skip
+    if trajectories:
+        options.refuse("figures of returns", target=goal, report=report)
+    if report:
+        options.refuse("a single picture, in place of --report", output=output)
     if task:
-        runs = options.seed_list(seed, seeds)
-        named += contest.train_all(task, methods, teacher, runs, iterations, settings, jobs)
+        runs = options.seed_list(seed or 0, 3 if seeds is None else seeds)
+        named += contest.train_all(
+            task, METHODS if methods is None else methods, teacher, runs, iterations, settings,
+            1 if jobs is None else jobs,
+        )  # fmt: skip
     if trajectories:
         return side_by_side.play(named, output or Path("compare-trajectories.png"), as_json)
-    return side_by_side.compare(named, reference, target, output, report, as_json)
+    return side_by_side.compare(named, reference, goal, output, report, as_json)

@@ -5,15 +5,17 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import joblib
+from rich.console import Console
 
 from repaint_cli.cards import read_task
-from repaint_cli.cli.options import check_method, customize, method_for
-from repaint_cli.cli.screen import out
+from repaint_cli.cli.options import customize, method_for
 from repaint_cli.cli.session import find_teachers, new_folder
 from repaint_cli.errors import CardError, RepaintError
+from repaint_cli.evaluate import spaces_of
 from repaint_cli.history import read_run
 from repaint_cli.report.pictures import draw_run
 from repaint_cli.runs import Experiment, Plan
+from repaint_cli.teaching import load_staff
 
 
 def train_all(
@@ -27,11 +29,12 @@ def train_all(
 ) -> list[Path]:
     """Train every method, as many at a time as there are jobs; return the runs' folders.
 
-    Cores are shared out evenly, so that processes do not fight for them.
+    Several jobs share the cores evenly, so that processes do not fight for them.
 
     Raises:
         NotFound: there is no such task, method or teacher.
         CardError: no method was named, one twice, or there is no job.
+        TeacherMismatch: a teacher does not fit the task.
     """
     names = [name for name in methods.split(",") if name]
     if not names or len(set(names)) < len(names) or jobs < 1:
@@ -43,34 +46,42 @@ def train_all(
     root = new_folder(None, card.name, "compare")
     plans = []
     for name in names:
-        check_method(method_for("ppo", name))
-        plans.append(Plan(card, name, seeds, root / name, find_teachers(teachers, name)))
-    threads = max(1, (os.cpu_count() or 1) // jobs)
-    with joblib.parallel_config("loky", inner_max_num_threads=threads):
-        workers = joblib.Parallel(n_jobs=jobs, return_as="generator_unordered")
-        for done, folder in enumerate(_trained(workers, plans, threads), 1):
-            out.print(f"{done} of {len(plans)}: wrote [bold]{folder}/[/bold]")
+        found = find_teachers(teachers, method_for("ppo", name))
+        plans.append(Plan(card, name, seeds, root / name, found))
+        load_staff(found, None, plans[-1].target, spaces_of(card), 1)  # better now than later
+    screen = Console(stderr=True, soft_wrap=True, highlight=False)
+    for done, folder in enumerate(_trained(plans, jobs), 1):
+        screen.print(f"{done} of {len(plans)}: wrote [bold]{folder}/[/bold]")
     return [plan.folder for plan in plans]
 
 
-def _trained(workers: joblib.Parallel, plans: list[Plan], threads: int) -> Iterator[Path]:
+def _trained(plans: list[Plan], jobs: int) -> Iterator[Path]:
     """Yield the folders as the runs finish.
 
     Raises:
-        RepaintError: what stopped a run, by its folder.
+        RepaintError: what stopped a run.
     """
-    for folder, problem in workers(joblib.delayed(_train)(plan, threads) for plan in plans):
-        if problem:
-            raise problem
-        yield folder
+    threads = None if jobs == 1 else str(max(1, _cores() // jobs))
+    with joblib.parallel_config(
+        "loky", inner_max_num_threads=None if jobs == 1 else int(threads or 1)
+    ):
+        workers = joblib.Parallel(n_jobs=jobs, return_as="generator_unordered")
+        for folder, problem in workers(joblib.delayed(_train)(plan, threads) for plan in plans):
+            if problem:
+                raise problem
+            yield folder
 
 
-def _train(plan: Plan, threads: int) -> tuple[Path, RepaintError | None]:
-    """Train as planned and draw the run, without a screen."""
-    import torch
+def _cores() -> int:
+    """Return how many cores there are for us: OMP_NUM_THREADS where set, else all."""
+    wanted = os.environ.get("OMP_NUM_THREADS", "")
+    return int(wanted) if wanted.isdecimal() and int(wanted) else os.cpu_count() or 1
 
-    torch.set_num_threads(threads)
-    os.environ["OMP_NUM_THREADS"] = str(threads)
+
+def _train(plan: Plan, threads: int | None) -> tuple[Path, RepaintError | None]:
+    """Train as planned and draw the run, without a screen; a process of several has its threads."""
+    if threads:
+        os.environ["OMP_NUM_THREADS"] = str(threads)  # which EnvPool asks for
     try:
         experiment = Experiment(plan)
         for _ in experiment.run():

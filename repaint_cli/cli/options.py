@@ -83,6 +83,18 @@ def seed_list(first: int, how_many: int) -> list[int]:
     return list(range(first, first + how_many))
 
 
+def refuse(needed: str, **given: object) -> None:
+    """Check that options are absent which go together with something else.
+
+    Raises:
+        CardError: one is there.
+    """
+    for option, value in given.items():
+        if value:
+            name = option.replace("_", "-")
+            raise CardError(f"--{name} is for {needed}; leave it out")
+
+
 def given_by(
     ratio: str | None, beta: str | None, select: str | None, threshold: str | None
 ) -> dict[str, object]:
@@ -102,6 +114,8 @@ def given_by(
     else:
         found["transfer__kickstart_coef"] = parse_betas(beta)
     if threshold != "auto":
+        if threshold is not None and select not in (None, "zeta", "abs"):
+            raise CardError(f"--threshold is for --select zeta or abs, found --select {select}")
         return found | {"select__threshold": threshold}
     if select not in (None, "auto"):
         raise CardError(f"--threshold auto selects by itself; leave out --select {select}")
@@ -179,6 +193,7 @@ def check_method(name: str, algorithm: str = "ppo", **given: object) -> None:
         "ratio": method.alternates and by_gradient,
         "beta": method.kickstart,
         "beta_decay": method.kickstart,
+        "preset": by_gradient,
         "select": method.instance and by_gradient,
         "objective": by_gradient,
         "threshold": method.instance,

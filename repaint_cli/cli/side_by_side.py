@@ -56,7 +56,7 @@ def _finished(folders: Sequence[Path]) -> list[Run]:
 def compare(
     folders: Sequence[Path],
     reference: str,
-    target: str,
+    target: float | None,
     picture: Path | None,
     report: Path | None,
     as_json: bool,
@@ -65,10 +65,10 @@ def compare(
 
     Raises:
         NotFound: there is no such folder or reference.
-        CardError: they are of several tasks, there is none, or the target is no number.
+        CardError: they are of several tasks, or there is none.
     """
     runs = read_runs(folders)
-    found = comparison.compare(runs, reference_of(runs, reference), _number(target))
+    found = comparison.compare(runs, reference_of(runs, reference), target)
     if as_json:
         rows = [comparison.record(standing) for standing in found.standings]
         told = {"task": found.task, "target": found.target, "reference": found.reference}
@@ -84,8 +84,12 @@ def compare(
         say_written(written, "repaint transfer --help")
 
 
-def _number(target: str) -> float | None:
-    """Read --target: a number, or auto."""
+def target_of(target: str) -> float | None:
+    """Read --target: a number, or None for auto.
+
+    Raises:
+        CardError: it is something else.
+    """
     if target == "auto":
         return None
     try:

@@ -12,8 +12,7 @@ def print_comparison(found: Comparison) -> None:
     if found.target is None:
         out.print("target: unknown without a run from scratch; name one with --target")
     else:
-        of = f", the best mean of {found.reference}" if found.reference else ""
-        out.print(f"[bold]{found.task}[/bold], target {found.target:.4g}{of}")
+        out.print(f"[bold]{found.task}[/bold], target {found.goal}")
         out.print(_to_target(found))
     out.print(_scores(found))
     for sentence in verdicts(found):

@@ -75,6 +75,7 @@ def transfer(
         method, algorithm, auto=auto or None, ratio=ratio, beta=beta, beta_decay=beta_decay,
         select=select, objective=objective, threshold=threshold,
         instances_from=instances_from or None, transfer_iterations=transfer_iterations,
+        preset=preset,
     )  # fmt: skip
     if auto:
         ratio, beta, threshold = (word or "auto" for word in (ratio, beta, threshold))

@@ -1,21 +1,23 @@
 """Transfer without a number from the user: β, ζ, the next phase and the end, as measured.
 
 The paper leaves this open (its section 7); the rule here is ours. J_T and J_S are mean returns in
-the target task, of a teacher before the first iteration and of the student after the last two, both
-by their most likely actions; e are their standard errors over episodes; Â′ and Â are advantages of
-the teachers' and the student's last samples under the same critic:
+the target task, of a teacher before the first iteration and of the student over its last two
+evaluations, both by their most likely actions; e are their standard errors over episodes; Â′ and Â
+are advantages of the teachers' and the student's last samples under the same critic; M counts
+teachers:
 
     lead     L_k = J_T − J_S − √(e_T² + e_S²)
-    β_k        = max(0, L_k) / (J_T − J_0), at most 1; 0 where J_T ≤ J_0 or cos(w_T, w) ≤ 0
-    kept       = the highest max(0, 2·P(Â′ > Â) − 1) of the teachers' samples, none where β_k = 0:
-                 ζ is that quantile
-    phase      = instance, after an iteration of the student's own, while β_k > 0, something was
-                 kept, and instance iterations have not clearly gained less per step than own ones
+    β_k        = max(0, L_k) / (J_T − J_0) / M, at most 1/M; 0 where J_T ≤ J_0 or cos(w_T, w) ≤ 0
+    kept       = the highest max(0, 2·P(Â′ > Â) − 1) of the samples of teachers with β_k > 0: ζ is
+                 that quantile
+    phase      = instance, after an iteration of the student's own, while some β_k > 0, until one
+                 kept nothing or instance iterations have clearly gained less per step than own ones
     end        = for good, once every β was 0 two own iterations in a row
 
 J_0 is the return of the student before it has learned anything, so β is the share of a teacher's
 lead over a random policy that is left and more than chance, whatever the signs of the returns. A
-teacher no better than the student teaches nothing, and what is left is PPO.
+teacher no better than the student teaches nothing, and what is left is PPO. Each part may be
+automatic alone. Seeds that train side by side share the phase and the end, not β and ζ.
 """
 
 from collections.abc import Sequence
@@ -44,8 +46,8 @@ class Measured:
         self.taught = np.stack([mean_and_error(returns) for returns in taught], 1)  # (2, M, S)
         self.quantiles = np.zeros((LEVELS, len(own)))
         """Of Â in each student's last batch, (LEVELS, S)."""
-        self.leading: np.ndarray = np.ones(len(own), bool)
-        """Whether some teacher was ahead of each student in its last own iteration, (S,)."""
+        self.leading: np.ndarray = np.ones((len(taught), len(own)), bool)
+        """Whether a teacher was ahead of a student in the last own iteration, (M, S)."""
         self.share: np.ndarray | None = None
         """What was kept of the last teachers' samples, (S,)."""
         self.gains: dict[bool, list[float]] = {False: [], True: []}
@@ -53,10 +55,12 @@ class Measured:
         self.idle = 0
         """Own iterations in a row without any β."""
 
-    def see_student(self, returns: np.ndarray, steps: float, instance: bool) -> None:
+    def see_student(self, returns: np.ndarray, steps: float, phase: str) -> None:
         """Take in evaluated returns (S, E) after an iteration of so many steps a seed."""
         found = mean_and_error(returns)
-        self.gains[instance].append(float((found[0] - self.own[0]).mean()) / steps)
+        if phase != "critic":  # which does not move a policy
+            gain = float((found[0] - self.own[0]).mean()) / steps
+            self.gains[phase == "instance"].append(gain)
         self.before, self.own = self.own, found
 
     def see_advantages(self, samples: Samples) -> None:
@@ -67,7 +71,9 @@ class Measured:
 
     def betas(self, cosines: Sequence[float | None]) -> np.ndarray:
         """Return β_k of each teacher and student, (M, S); several teachers share 1."""
-        (theirs, their_error), (own, own_error) = self.taught, (self.own + self.before) / 2
+        theirs, their_error = self.taught
+        own = (self.own[0] + self.before[0]) / 2
+        own_error = np.hypot(self.own[1], self.before[1]) / 2
         whole = theirs - self.random[0]  # the lead over a policy that knows nothing
         left = theirs - own - np.sqrt(their_error**2 + own_error**2)
         with np.errstate(invalid="ignore", divide="ignore"):
@@ -79,7 +85,7 @@ class Measured:
 
     def note(self, betas: np.ndarray) -> None:
         """Take in which β an own iteration had, (M, S)."""
-        self.leading = np.asarray(betas.any(axis=0))
+        self.leading = betas > 0
         self.idle = 0 if betas.any() else self.idle + 1
 
     @property
@@ -91,10 +97,12 @@ class Measured:
         """Return how much of the teachers' samples each seed keeps, (S,)."""
         found = []
         for s, n in enumerate(samples.counts.tolist()):
+            if n == 0:
+                found.append(0.0)
+                continue
             theirs = np.sort(samples.advantages[s, :n].numpy())
             below = np.searchsorted(theirs, self.quantiles[:, s], side="right")
-            superior = max(0.0, 2 * float(1 - below.mean() / n) - 1)
-            found.append(superior if self.leading[s] else 0.0)
+            found.append(max(0.0, 2 * float(1 - below.mean() / n) - 1))
         self.share = np.array(found)
         return tensor(found)
 

@@ -7,6 +7,7 @@ from typing import Any, Self
 import torch
 from torch import Tensor
 
+from repaint_cli.config import PPOConfig
 from repaint_cli.distributions import side_by_side
 from repaint_cli.learn.frames import Frames
 
@@ -45,6 +46,12 @@ class Batch:
         """Return at most the first n entries of each seed."""
         counts = self.counts.clamp(max=n)
         return self.pick(torch.arange(int(counts.max())).expand(len(counts), -1), counts)
+
+    def within(self, ppo: PPOConfig) -> Self:
+        """Return no more entries of a seed than steps asked for, where episodes are played out."""
+        if ppo.n_episodes or ppo.n_steps is None or not ppo.whole_episodes:
+            return self
+        return self.first(ppo.n_steps)
 
     @classmethod
     def together(cls, several: Sequence[Self]) -> Self:

@@ -64,7 +64,7 @@ def learn(
         rngs: one generator per seed for the order of the samples.
         teacher: the teacher's distributions at the samples, for the cross-entropy.
         beta: β_k, of all seeds or (S,).
-        scale: of the learning rate.
+        scale: of the policies' learning rate.
         parts: who moves, policies, critics or both.
         instances: whether the samples are a teacher's: only policies move, without entropy bonus.
 
@@ -93,6 +93,7 @@ def learn(
         )  # fmt: skip
         place, returns = Place(student, optimizer, s, scale), samples.returns[s].numpy()
         policies.append(partial(_policy_steps, place, batch, choices, told[s]))
+        place = Place(student, optimizer, s, 1.0)
         critics.append(partial(_value_steps, place, batch, returns, ppo.vf_coef, judged[s]))
     jobs = {"both": policies + critics, "policy": policies, "critic": critics}[
         "policy" if instances else parts

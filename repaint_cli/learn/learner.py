@@ -1,6 +1,6 @@
 """All that changes while seeds learn, and how they act and remember."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -8,6 +8,7 @@ import torch
 
 from repaint_cli.learn.advantages import Samples
 from repaint_cli.learn.automatic import Measured
+from repaint_cli.learn.frames import Frames
 from repaint_cli.learn.objectives import masked_mean
 from repaint_cli.learn.optimizer import RowAdam
 from repaint_cli.learn.rollout import Policy, collect, start
@@ -105,6 +106,7 @@ class Learner:
             n_envs=_part(episodes, which, of)
             if ppo.n_episodes
             else max(1, ppo.n_envs // (of + beside)),
+            whole=ppo.whole_episodes,
         )  # fmt: skip
 
     def _roll(
@@ -129,6 +131,10 @@ class Learner:
         self.env_steps += rollout.valid.sum((0, 2))
         return rollout
 
+    def shuffles(self, k: int) -> list[np.random.Generator]:
+        """Return each seed's generator for the order of its samples in iteration k."""
+        return [generator(seed, Purpose.SHUFFLE, k) for seed in self.seeds]
+
     def see(self, rollout: Rollout) -> None:
         """Take what was observed into the statistics of each student's normaliser."""
         if self.student.normalizer:
@@ -137,10 +143,15 @@ class Learner:
 
     def remember(self, rollout: Rollout, samples: Samples, batch: Transitions | None) -> None:
         """Keep what teachers' samples will be judged against: the student's own batch."""
-        self.last_return = rollout.mean_returns()
+        self.last_return, _ = rollout.mean_episodes()
         self.last_moments = moments(samples)
         self.last_reward = masked_mean(samples.rewards, samples.counts)
         self.last_batch = batch
+
+
+def without_sights(rollout: Rollout) -> Rollout:
+    """Return a rollout without its observations, which fill memory and no table."""
+    return replace(rollout, frames=Frames([]))
 
 
 def _part(total: int | None, which: int, of: int) -> int:

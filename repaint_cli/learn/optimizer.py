@@ -12,6 +12,10 @@ EPSILON = 1e-5
 """Adam's ε, as PPO has it."""
 
 
+_Row = tuple[Tensor, ...]
+"""Parameters, gradients, moments and the count of steps of a policy or a critic."""
+
+
 class RowAdam:
     """Adam over 2S rows, a policy and a critic per seed, each with its own count of steps.
 
@@ -33,9 +37,16 @@ class RowAdam:
         self.learning_rate = learning_rate
 
     def step(self, policies: Sequence[bool], critics: Sequence[bool], scale: float = 1.0) -> None:
-        """Move the named policies and critics, (S,) each, at `scale` times the learning rate."""
-        moving = [*policies, *critics]
-        rows = [row for row, moves in zip(self._rows, moving, strict=True) if moves]
+        """Move the named policies and critics, (S,) each; policies at `scale` times the rate."""
+        n = len(policies)
+        if scale == 1:
+            self._move(self._rows, [*policies, *critics], 1.0)
+        else:
+            self._move(self._rows[:n], policies, scale)
+            self._move(self._rows[n:], critics, 1.0)
+
+    def _move(self, named: Sequence[_Row], moving: Sequence[bool], scale: float) -> None:
+        rows = [row for row, moves in zip(named, moving, strict=True) if moves]
         if not rows:
             return
         parameters, gradients, first, second, steps = map(list, zip(*rows, strict=True))

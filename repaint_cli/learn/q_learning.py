@@ -5,7 +5,7 @@ is the best one: it is evaluated, kept and shown like any other. The critic's ne
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from time import perf_counter
 from typing import Any
 
@@ -16,15 +16,17 @@ from torch import Tensor
 from repaint_cli.config import QLearningConfig
 from repaint_cli.distributions import Categorical, Distribution
 from repaint_cli.errors import CardError, DivergedError, telling_where
-from repaint_cli.learn.learner import Learner
+from repaint_cli.learn import schedules
+from repaint_cli.learn.frames import Frames, each
+from repaint_cli.learn.learner import Learner, without_sights
 from repaint_cli.learn.losses import squared_error
 from repaint_cli.learn.objectives import mean_over
 from repaint_cli.learn.rollout import Policy
-from repaint_cli.learn.seeding import Purpose, generator
+from repaint_cli.learn.schedules import Phase
 from repaint_cli.learn.tape import Rollout
 from repaint_cli.learn.teachers import Teacher, soften
-from repaint_cli.learn.trainer import IterationStats, episode_numbers, without_sights
-from repaint_cli.learn.transitions import Transitions, transitions
+from repaint_cli.learn.trainer import IterationStats, finished
+from repaint_cli.learn.transitions import Transitions, flat, transitions
 from repaint_cli.learn.update import Means
 from repaint_cli.nets import ActorCritic
 from repaint_cli.spaces import Spaces
@@ -48,25 +50,35 @@ def train(
     memory, target = _Memory(task.q_learning.memory), _twin(learner.student)
     for k in range(learner.iteration + 1, task.ppo.n_iterations + 1):
         started, before = perf_counter(), learner.env_steps.copy()
+        learner.optimizer.learning_rate = schedules.ppo(k, task.ppo).learning_rate
         taught = k <= task.transfer.iterations and task.transfer.instance > 0
+        acting = [teacher for teacher in teachers if teacher.acts] if taught else []
         with telling_where(learner.seeds, f"iteration {k}"):
-            acting = [teacher for teacher in teachers if teacher.acts] if taught else []
-            policy = epsilon_greedy(learner.student, epsilon(k, task.q_learning))
-            rollout = learner.act(task, k, policy, beside=len(acting))
-            learner.see(rollout)
-            memory.add(rollout, from_teacher=False)
-            for i, teacher in enumerate(acting):
-                policy = soften(teacher.network, task.transfer)
-                watched = learner.watch(task, k, policy, which=i, of=len(acting), beside=1)
-                memory.add(watched, from_teacher=True)
-            numbers = _learn(task, learner, memory.all, target, k, selecting=bool(acting))
-        learner.iteration = k
-        taken, seconds = learner.env_steps - before, perf_counter() - started
-        numbers |= episode_numbers(rollout, learner.student.n_seeds)
-        numbers["epsilon"] = np.full(taken.shape, epsilon(k, task.q_learning))
-        numbers["env_steps"] = learner.env_steps.copy()
-        numbers["steps_per_second"] = np.full(taken.shape, taken.sum() / seconds)
-        yield IterationStats(k, "instance" if acting else "ppo", numbers, without_sights(rollout))
+            rollout, watched = _act(task, learner, k, acting)
+            made = [(rollout, False), *((one, True) for one in watched)]
+            kept = memory.add([_experience(task, *pair) for pair in made])
+            numbers = _learn(task, learner, kept, target, k, selecting=bool(acting))
+        numbers["episode_return"], numbers["episode_length"] = rollout.mean_episodes()
+        numbers["epsilon"] = np.full(len(learner.seeds), epsilon(k, task.q_learning))
+        phase: Phase = "instance" if acting else "ppo"
+        seconds = perf_counter() - started
+        yield finished(learner, k, phase, numbers, without_sights(rollout), before, seconds)
+
+
+def _act(
+    task: TaskCard, learner: Learner, k: int, acting: Sequence[Teacher]
+) -> tuple[Rollout, list[Rollout]]:
+    """Let the students act ε-greedily, and the teachers beside them; return the rollouts."""
+    policy = epsilon_greedy(learner.student, epsilon(k, task.q_learning))
+    rollout = learner.act(task, k, policy, beside=len(acting))
+    learner.see(rollout)
+    watched = []
+    for i, teacher in enumerate(acting):
+        policy = soften(teacher.network, task.transfer)
+        watched.append(learner.watch(task, k, policy, which=i, of=len(acting), beside=1))
+        if task.transfer.teacher_statistics:
+            learner.see(watched[-1])
+    return rollout, watched
 
 
 def check(task: TaskCard, spaces: Spaces) -> None:
@@ -107,21 +119,38 @@ class Experience(Transitions):
     """Whether a teacher acted, (S, B) bool."""
 
 
+def _experience(task: TaskCard, rollout: Rollout, from_teacher: bool) -> Experience:
+    """Return a rollout's transitions, with who made them."""
+    found = transitions(rollout)
+    over = found.terminations
+    if task.ppo.time_limit == "terminal":
+        over = over | flat(rollout, rollout.truncations)
+    who = torch.full(found.rows.shape, from_teacher)
+    return Experience(**vars(found) | {"terminations": over}, from_teacher=who)
+
+
 class _Memory:
-    """The replay buffer: the newest iterations, each whole."""
+    """The replay buffer: each seed's newest transitions."""
 
     def __init__(self, size: int) -> None:
         self._size = size
-        self._batches: list[Experience] = []
+        self._all: list[Experience] = []
 
-    def add(self, rollout: Rollout, from_teacher: bool) -> None:
-        """Keep a rollout, and forget the oldest while there is too much."""
-        found = transitions(rollout)
-        who = torch.full(found.rows.shape, from_teacher)
-        self._batches.append(Experience(**vars(found), from_teacher=who))
-        while sum(int(batch.counts.max()) for batch in self._batches[1:]) >= self._size:
-            del self._batches[0]
-        self.all = Experience.together(self._batches)
+    def add(self, batches: Sequence[Experience]) -> Experience:
+        """Keep batches, but of each seed no more than its newest; return all of it."""
+        whole = Experience.together([*self._all, *batches])
+        starts = (whole.counts - self._size).clamp(min=0)
+        counts = whole.counts - starts
+        reach = torch.arange(int(counts.max())) + starts.unsqueeze(1)
+        kept = whole.pick(reach.clamp(max=whole.rows.shape[1] - 1), counts)
+        first = kept.rows[:, :1]  # rows grow: what lies before is not looked at any more
+        stores = [
+            each(lambda part, row: part[row:].clone(), store, row)
+            for store, row in zip(kept.frames.stores, first[:, 0].tolist(), strict=True)
+        ]
+        rows, following = ((part - first).clamp(min=0) for part in (kept.rows, kept.next_rows))
+        self._all = [replace(kept, frames=Frames(stores), rows=rows, next_rows=following)]
+        return self._all[0]
 
 
 def _twin(student: ActorCritic) -> ActorCritic:
@@ -141,7 +170,7 @@ def _learn(
 ) -> dict[str, np.ndarray]:
     """Take an iteration's gradient steps; see `q_loss`."""
     student, config, means = learner.student, task.q_learning, Means()
-    rngs = [generator(seed, Purpose.SHUFFLE, k) for seed in learner.seeds]
+    rngs = learner.shuffles(k)
     still, size = [False] * student.n_seeds, task.ppo.minibatch_size
     threshold = config.threshold if selecting else None
     target.storage.copy_(student.storage)

@@ -43,7 +43,9 @@ def relevance(target: Transitions, sources: Sequence[Transitions], select: Selec
         points = _scaled(here, units)
         found = [_judge(points, _scaled(_raw(source, s), units), select) for source in sources]
         compliances = torch.stack([compliance for compliance, _ in found])
-        shares = compliances / compliances.sum().clamp(min=1e-30)
+        total = compliances.sum()  # 0 where no source has a sample near any of the target's
+        even = torch.full_like(compliances, 1 / len(compliances))
+        shares = compliances / total if total > 0 else even
         rows.append(
             torch.cat(
                 [share * rel / rel.sum() for share, (_, rel) in zip(shares, found, strict=True)]
@@ -84,7 +86,8 @@ def _judge(target: _Points, source: _Points, select: SelectConfig) -> tuple[Tens
     whole = agreement.sum() if select.normalize == "sum" else agreement.max()
     gap = agreement / whole.clamp(min=1e-300) - 1
     reach = _reach(distances.T, of_source.T, select)
-    return compliance, torch.exp(-((gap / reach) ** 2))
+    # What is far from everything has nothing against it, and what is too near cannot be told.
+    return compliance, torch.exp(-((gap / reach) ** 2)).clamp(min=1e-300)
 
 
 def _kernel(distances: Tensor, select: SelectConfig) -> Tensor:

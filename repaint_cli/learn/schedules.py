@@ -60,6 +60,11 @@ def threshold(k: int, select: SelectConfig, transfer: TransferConfig) -> float:
     return select.threshold + done * (select.last_threshold - select.threshold)
 
 
+def power(k: int, transfer: TransferConfig) -> float:
+    """Return k^−a while the transfer lasts, then 1."""
+    return float(k) ** -transfer.alpha_power if k <= transfer.iterations else 1.0
+
+
 def alphas(k: int, transfer: TransferConfig) -> tuple[float, float]:
     """Return α₁ and α₂, both times k^−a (paper, section 5.1, whose A_k is their quotient).
 
@@ -67,8 +72,7 @@ def alphas(k: int, transfer: TransferConfig) -> tuple[float, float]:
     """
     if k > transfer.iterations:
         return 1.0, transfer.alpha_2
-    power = float(k) ** -transfer.alpha_power
-    return transfer.alpha_1 * power, transfer.alpha_2 * power
+    return transfer.alpha_1 * power(k, transfer), transfer.alpha_2 * power(k, transfer)
 
 
 def ppo(k: int, config: PPOConfig) -> PPOConfig:

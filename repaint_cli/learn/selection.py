@@ -24,6 +24,7 @@ PRIORITY_FLOOR = 1e-6
 def moments(samples: Samples) -> Moments:
     """Return each seed's mean and standard deviation of Â over its real samples, (S, 1) each."""
     mask, n = samples.mask, samples.counts.unsqueeze(1)
+    n = n.clamp(min=1)
     mean = (samples.advantages * mask).sum(1, keepdim=True) / n
     var = ((samples.advantages - mean) ** 2 * mask).sum(1, keepdim=True) / n
     return mean, var.sqrt()
@@ -63,7 +64,10 @@ class Chosen:
     """How much each counts, (S, K); equally where absent."""
 
     def of(self, samples: Samples) -> Samples:
-        """Return the chosen ones; a weight w ≥ 0 makes Â′ to w·Â′, which makes L_ins to w·L_ins."""
+        """Return the chosen ones; a weight w ≥ 0 makes Â′ to w·Â′, and so L_ins to w·L_ins.
+
+        TRPO's penalty, which is no part of the paper's rival, stays as it is.
+        """
         picked = samples.pick(self.positions, self.counts)
         if self.weights is None:
             return picked

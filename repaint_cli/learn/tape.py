@@ -49,12 +49,18 @@ class Rollout:
         seeds, returns, lengths = zip(*ended, strict=True) if ended else ((), (), ())
         return np.array(seeds, int), np.array(returns), np.array(lengths, int)
 
-    def mean_returns(self) -> np.ndarray:
-        """Return each seed's mean return of the episodes that ended here, nan of none, (S,)."""
+    def mean_episodes(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return each seed's mean return and length of the episodes that ended here, (S,) each.
+
+        They are nan where none did.
+        """
         n_seeds = self.valid.shape[1]
-        seeds, returns, _ = self.episodes()
+        seeds, returns, lengths = self.episodes()
+        ended = np.bincount(seeds, minlength=n_seeds)
         with np.errstate(invalid="ignore"):
-            return np.bincount(seeds, returns, n_seeds) / np.bincount(seeds, minlength=n_seeds)
+            sums = (np.bincount(seeds, numbers, n_seeds) for numbers in (returns, lengths))
+            mean_return, mean_length = (total / ended for total in sums)
+        return mean_return, mean_length
 
 
 class Tape:

@@ -82,46 +82,78 @@ def transfer_instances(
     Returns:
         The chosen samples and what the selection looked like, (S,) per number.
     """
-    acting = [teacher for teacher in teachers if teacher.acts]
-    policies = [soften(teacher.network, task.transfer) for teacher in acting]
+    acting = [teacher for teacher, _ in actors(teachers, task, learner)]
     rollouts = [
-        learner.watch(task, k, policy, which=i, of=len(acting)) for i, policy in enumerate(policies)
+        learner.watch(task, k, soften(teacher.network, task.transfer), which=i, of=len(acting))
+        for i, teacher in enumerate(acting)
     ]
     if task.transfer.teacher_statistics:
         for rollout in rollouts:
             learner.see(rollout)
-    parts = [to_samples(rollout, learner.student.value, task.ppo) for rollout in rollouts]
-    if task.ppo.objective == "trpo":
-        parts = [
-            replace(part, behavior=describe(policy, part))
-            for part, policy in zip(parts, policies, strict=True)
-        ]
-    samples = Samples.together(parts)
-    by_itself = learner.measured is not None and task.select.rule == "auto"
-    scale = "student-batch" if by_itself else task.select.scale
-    scaled = rescale(samples, scale, learner.last_moments)
-    if learner.measured:
-        shares = learner.measured.shares(samples)
-    if by_itself:
-        chosen = Chosen(*front(top_share(scaled, shares)))
-    else:
-        chosen = select(
-            scaled, task.select, schedules.threshold(k, task.select, task.transfer),
-            [generator(seed, Purpose.SELECT, k) for seed in learner.seeds],
-            _relevance(task, learner, acting, rollouts) if task.select.rule == "rbt" else None,
-        )  # fmt: skip
+    samples = Samples.together(_judged(task, learner, teachers, rollouts))
+    chosen, scaled = _chosen(task, learner, k, samples, acting, rollouts)
     raw, counts = samples.pick(chosen.positions, chosen.counts), chosen.counts
     nothing = counts == 0
     numbers = {
-        "kept_fraction": counts / samples.counts,
+        "kept_fraction": counts / samples.counts.clamp(min=1),
         "kept_advantage": masked_mean(raw.advantages, counts).where(~nothing, torch.nan),
         "kept_reward": masked_mean(raw.rewards, counts).where(~nothing, torch.nan),
         "student_reward": learner.last_reward,
     }
     told = {name: number.numpy() for name, number in numbers.items()}
     told["student_return"] = learner.last_return
-    told["teacher_return"] = np.mean([rollout.mean_returns() for rollout in rollouts], axis=0)
+    told["teacher_return"] = np.mean([rollout.mean_episodes()[0] for rollout in rollouts], axis=0)
     return chosen.of(scaled), told
+
+
+def actors(
+    teachers: Sequence[Teacher], task: TaskCard, learner: Learner
+) -> list[tuple[Teacher, np.ndarray]]:
+    """Return the teachers who act, and which seeds may learn from their samples, (S,) bool.
+
+    All may, unless it is decided by what is measured: then those whom the teacher is ahead of, and
+    who is ahead of nobody does not act.
+    """
+    everybody = np.ones(len(learner.seeds), bool)
+    if not learner.measured or task.select.rule != "auto":
+        return [(teacher, everybody) for teacher in teachers if teacher.acts]
+    pairs = zip(teachers, learner.measured.leading, strict=True)
+    return [(teacher, leads) for teacher, leads in pairs if teacher.acts and leads.any()]
+
+
+def _judged(
+    task: TaskCard, learner: Learner, teachers: Sequence[Teacher], rollouts: Sequence[Rollout]
+) -> list[Samples]:
+    """Return each acting teacher's samples, as the student's critic sees them."""
+    parts = []
+    for (teacher, leads), rollout in zip(actors(teachers, task, learner), rollouts, strict=True):
+        part = to_samples(rollout, learner.student.value, task.ppo).within(task.ppo)
+        if task.ppo.objective == "trpo":
+            policy = soften(teacher.network, task.transfer)
+            part = replace(part, behavior=describe(policy, part))
+        parts.append(replace(part, counts=part.counts * torch.from_numpy(leads)))
+    return parts
+
+
+def _chosen(
+    task: TaskCard,
+    learner: Learner,
+    k: int,
+    samples: Samples,
+    acting: Sequence[Teacher],
+    rollouts: Sequence[Rollout],
+) -> tuple[Chosen, Samples]:
+    """Return which samples to learn from, and all of them on the scale they were chosen on."""
+    if learner.measured and task.select.rule == "auto":
+        scaled = rescale(samples, "student-batch", learner.last_moments)
+        return Chosen(*front(top_share(scaled, learner.measured.shares(samples)))), scaled
+    scaled = rescale(samples, task.select.scale, learner.last_moments)
+    if learner.measured:
+        learner.measured.shares(samples)  # which the next phase goes by
+    relevant = _relevance(task, learner, acting, rollouts) if task.select.rule == "rbt" else None
+    rngs = [generator(seed, Purpose.SELECT, k) for seed in learner.seeds]
+    threshold = schedules.threshold(k, task.select, task.transfer)
+    return select(scaled, task.select, threshold, rngs, relevant), scaled
 
 
 def _relevance(
@@ -130,7 +162,7 @@ def _relevance(
     """Return the relevance of the teachers' samples to the student's last batch, (S, B)."""
     assert learner.last_batch is not None
     sources = [
-        transitions(rollout, teacher.weights)
+        transitions(rollout, teacher.weights).within(task.ppo)
         for rollout, teacher in zip(rollouts, teachers, strict=True)
     ]
     return relevance(learner.last_batch, sources, task.select)

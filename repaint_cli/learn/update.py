@@ -63,9 +63,9 @@ def learn_on_policy(
     *,
     teacher: Distribution | None = None,
     beta: Tensor | float = 0.0,
-    alpha_1: float = 1.0,
+    rate: float = 1.0,
     instances: Samples | None = None,
-    alpha_2: float = 1.0,
+    alphas: tuple[float, float] = (1.0, 1.0),
     parts: Parts = "both",
 ) -> dict[str, np.ndarray]:
     """Train on the student's own samples: PPO, kickstarting, or both transfers jointly.
@@ -78,10 +78,10 @@ def learn_on_policy(
         rngs: one generator per seed for the order of the samples.
         teacher: the teacher's distributions at the samples, for the cross-entropy.
         beta: β_k, of all seeds or (S,).
-        alpha_1: α₁; scales the learning rate, or in a joint update L_rep.
+        rate: scales the policies' learning rate.
         instances: selected teacher samples; every minibatch takes its share of them (paper,
             algorithm 1).
-        alpha_2: α₂, scales L_ins in a joint update.
+        alphas: α₁ and α₂, which in a joint update scale L_rep and L_ins.
         parts: who moves, policies, critics or both.
 
     Returns:
@@ -93,7 +93,7 @@ def learn_on_policy(
     if by_hand.applies_to(student, ppo) and instances is None:
         return by_hand.learn(
             student, optimizer, samples, ppo, rngs,
-            teacher=teacher, beta=beta, scale=alpha_1, parts=parts,
+            teacher=teacher, beta=beta, scale=rate, parts=parts,
         )  # fmt: skip
     if parts == "policy":  # for what both share
         ppo = ppo.model_copy(update={"vf_coef": 0.0})
@@ -112,18 +112,17 @@ def learn_on_policy(
                 done = torch.tensor([[j], [j + 1]]).minimum(n_steps) * instances.counts // n_steps
                 share = instances.pick(*part(extra, done[0], done[1]))
                 ins_loss, seen = instance_loss(student, share, ppo)
-                loss = alpha_1 * loss + alpha_2 * ins_loss
+                loss = alphas[0] * loss + alphas[1] * ins_loss
                 told = ("log_ratio", "kept_clip_fraction")
                 means.add(share.counts, {name: seen[name] for name in told})
             means.add(counts, numbers)
             moving = (counts > 0).tolist()
             still = [False] * student.n_seeds
-            scale = 1.0 if instances is not None else alpha_1
             _check_finite(loss, numbers)
             _step(
                 student, optimizer, loss,
                 still if parts == "critic" else moving, still if parts == "policy" else moving,
-                scale,
+                rate,
             )  # fmt: skip
     return told_by(parts, means.numpy())
 

@@ -60,9 +60,19 @@ class Comparison:
     task: str
     target: float | None
     reference: str | None
+    given: bool
+    """Whether the target was given, and not taken from the reference."""
     iterations: int
     """Iterations that all runs have, over which areas are taken."""
     standings: tuple[Standing, ...]
+
+    @property
+    def goal(self) -> str:
+        """The target in words."""
+        if self.target is None:
+            return "none"
+        of = "" if self.given else f", the best mean of {self.reference}"
+        return f"{self.target:.4g}{of}"
 
 
 def reference_of(runs: Mapping[str, Run], wanted: str) -> str | None:
@@ -87,13 +97,13 @@ def compare(runs: Mapping[str, Run], reference: str | None, target: float | None
         reference: the label of the run that others are compared with, or None.
         target: the score to reach; the reference's best mean where absent, as in the paper.
     """
-    basis = runs[reference] if reference else None
+    basis, given = runs[reference] if reference else None, target is not None
     if target is None and basis is not None:
         target = float(np.nanmax(basis.returns.mean(0)))
     common = min(run.returns.shape[1] for run in runs.values())
     standings = [_standing(label, run, basis, target, common) for label, run in runs.items()]
     task = next(iter(runs.values())).task.name
-    return Comparison(task, target, reference, common, tuple(standings))
+    return Comparison(task, target, reference, given, common, tuple(standings))
 
 
 def _standing(

@@ -98,13 +98,12 @@ def _cell(value: object) -> object:
 
 
 def _page(runs: Mapping[str, Run], found: Comparison) -> str:
-    of = f", the best mean of {found.reference}" if found.reference else ""
     rows = [_row(record(standing)) for standing in found.standings]
     return PAGE.format(
         task=found.task,
         labels=", ".join(runs),
         version=version("repaint-rl"),
-        target="none" if found.target is None else f"{found.target:.4g}{of}",
+        target=found.goal,
         iterations=found.iterations,
         table="\n".join([_line(HEADS), "|" + "---|" * len(HEADS), *rows]),
         runs="\n".join(f"- {label}: `{run.folder}`" for label, run in runs.items()),

@@ -62,7 +62,7 @@ def draw_curves(runs: dict[str, Run], path: Path, title: str, target: float | No
     progress = {label: run.progress for label, run in runs.items() if run.progress is not None}
     scratch = [run.returns for run in some if run.method == "scratch"]
     taught = [run for run in some if run.record["teachers"] and run.method != "warm-start"]
-    lengths = {int(run.record["transfer"]["iterations"]) for run in taught}
+    lengths = {run.taught_until for run in taught}
     best = float(np.nanmax(scratch[0].mean(0))) if scratch and len(some) > 1 else None
     mark = None if best is None else (best, "scratch's best")
     if target is not None and target != best:

@@ -112,10 +112,11 @@ def iteration_of_mean(returns: ArrayLike, target: float) -> float:
 def reduction_ci(
     returns: ArrayLike, reference: ArrayLike, target: float, level: float = 0.95, seed: int = 0
 ) -> tuple[float, float, float]:
-    """Return 1 − K / K_ref and its percentile bootstrap interval, seeds drawn with replacement.
+    """Return 1 − K / K_ref and its percentile bootstrap interval, nan where either never arrives.
 
     K and K_ref are the iterations at which the means over seeds reach the target (paper, table 1).
-    A drawn mean that never gets there counts as one iteration more than there are.
+    Seeds are drawn with replacement; a mean drawn so that never gets there counts as one iteration
+    more than there are.
 
     Args:
         returns: evaluated mean returns, (S, K).
@@ -133,11 +134,12 @@ def reduction_ci(
         ]
         return 1 - float(reached[0]) / float(reached[1])
 
+    if np.isnan([iteration_of_mean(own, target), iteration_of_mean(theirs, target)]).any():
+        return np.nan, np.nan, np.nan
     seeds = np.arange(len(own)), np.arange(len(theirs))
     mean = reduced(*seeds)
-    if np.isnan(iteration_of_mean(own, target)) or min(len(own), len(theirs)) < 2:
-        never = np.isnan(iteration_of_mean(own, target))
-        return (np.nan if never else mean), np.nan, np.nan
+    if min(len(own), len(theirs)) < 2:
+        return mean, np.nan, np.nan
     found = stats.bootstrap(
         seeds, reduced, vectorized=False, n_resamples=RESAMPLES // 10, confidence_level=level,
         method="percentile", rng=np.random.default_rng(seed),
