@@ -33,7 +33,7 @@ class Alarm:
 
 
 def alarms_of(
-    report: Report, before: Sequence[Report], reference: np.ndarray | None
+    report: Report, before: Sequence[Report], reference: np.ndarray | None, rule: str = "zeta"
 ) -> list[Alarm]:
     """Return what an iteration gives reason to say.
 
@@ -41,10 +41,11 @@ def alarms_of(
         report: the iteration.
         before: the ones before it.
         reference: evaluated mean returns (S, K) of a run from scratch on the same task, or None.
+        rule: of selection; for `auto` it is no alarm to keep nothing.
     """
     found = list[tuple[str, str]]()
     if "kept_reward" in report.stats.numbers:
-        found += [*_of_the_kept(report), *_of_the_teachers(report)]
+        found += [*_of_the_kept(report, rule), *_of_the_teachers(report)]
         found += _of_the_outcome(report, before[-1:])
     if reference is not None:
         found += _of_the_reference([*before[1 - IN_A_ROW :], report], reference)
@@ -52,13 +53,14 @@ def alarms_of(
     return [Alarm(k, kind, f"iteration {k}: {text}") for kind, text in found]
 
 
-def _of_the_kept(report: Report) -> Iterator[tuple[str, str]]:
+def _of_the_kept(report: Report, rule: str) -> Iterator[tuple[str, str]]:
     numbers = report.stats.numbers
     kept, own = numbers["kept_reward"], numbers["student_reward"]
     worse = kept < own  # not where nothing was kept: kept is nan
     if not numbers["kept_fraction"].any():
-        advice = "lower --threshold or change select.scale"
-        yield "nothing-kept", f"no teacher sample was kept, so nothing was taught; {advice}"
+        if rule != "auto":
+            advice = "lower --threshold or change select.scale"
+            yield "nothing-kept", f"no teacher sample was kept, so nothing was taught; {advice}"
     elif worse.any():
         whose = f" of {worse.sum()} of {len(worse)} seeds" if len(worse) > 1 else ""
         yield (
@@ -159,4 +161,5 @@ def reference_beside(folder: Path, task: TaskCard, algorithm: str) -> np.ndarray
 
 def _basis(task: TaskCard) -> tuple[object, ...]:
     ppo = task.ppo
-    return task.env, task.reward, ppo.n_steps, ppo.n_episodes, ppo.objective, task.eval
+    rollouts = ppo.n_steps, ppo.n_episodes, ppo.objective
+    return task.env, task.reward, task.reward_code, rollouts, task.eval

@@ -35,7 +35,7 @@ class Run:
         teachers = " and ".join(teacher["name"] for teacher in self.record["teachers"])
         algorithm = self.record.get("algorithm", "ppo")
         name = self.method if algorithm == "ppo" else f"{algorithm} {self.method}"
-        name += " auto" if teachers and self.task.automatic else ""
+        name += " auto" if self.record.get("automatic") else ""
         return f"{name} from {teachers}" if teachers else name
 
     @property

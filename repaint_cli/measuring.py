@@ -25,7 +25,7 @@ def check_episodes(task: TaskCard) -> None:
 
 
 def measure(task: TaskCard, learner: Learner, teachers: Sequence[Teacher]) -> None:
-    """Let students and teachers play the target task once; such episodes count as steps.
+    """Evaluate students and teachers in the target task; such episodes count as steps.
 
     Raises:
         DivergedError: an observation or a reward is not finite.

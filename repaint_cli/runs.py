@@ -63,8 +63,13 @@ class Plan:
 
     @property
     def target(self) -> TaskCard:
-        """The task as the method carries it out."""
-        return self.task.model_copy(update={"transfer": self.transfer})
+        """The task as the method and the algorithm carry it out."""
+        transfer, select = self.transfer, self.task.select
+        if self.algorithm != "ppo":
+            transfer = transfer.model_copy(update={"phases": "ratio"})
+        if select.rule == "auto" and (self.algorithm != "ppo" or not transfer.instance):
+            select = select.model_copy(update={"rule": "zeta"})
+        return self.task.model_copy(update={"transfer": transfer, "select": select})
 
 
 class Experiment:
@@ -148,7 +153,7 @@ class Experiment:
             row | {"seed": seed} for row, seed in zip(report.rows, self.plan.seeds, strict=True)
         ]
         append_csv(folder / "metrics.csv", rows)
-        self.alarms += alarms_of(report, self.reports, self.reference)
+        self.alarms += alarms_of(report, self.reports, self.reference, self.plan.target.select.rule)
         self.reports.append(replace(report, stats=replace(report.stats, rollout=None)))
         means = report.evaluation.returns.mean(1)
         s = int(means.argmax())
@@ -172,6 +177,7 @@ class Experiment:
             "algorithm": plan.algorithm,
             "method": plan.method,
             "teachers": self.staff.record,
+            "automatic": plan.target.automatic and bool(self.staff.teachers),
             "seeds": plan.seeds,
             "task": plan.task.model_dump(mode="json"),
             "transfer": plan.transfer.model_dump(mode="json"),

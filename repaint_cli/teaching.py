@@ -86,7 +86,7 @@ def _check_shares(task: TaskCard, n_acting: int, beside: int) -> None:
     if task.ppo.n_steps is None or task.ppo.n_episodes or not (task.transfer.instance and n_acting):
         return
     sharing, need = n_acting + beside, task.env.longest_episode() + 1
-    if task.ppo.n_steps // sharing < need * max(1, task.ppo.n_envs // sharing):
+    if task.ppo.n_steps // sharing < need:
         raise CardError(
             f"expected ppo.n_steps of at least {sharing * need}, which {sharing} share, each with "
             f"an episode of {need - 1} and a step; found {task.ppo.n_steps}"

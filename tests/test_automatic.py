@@ -1,4 +1,5 @@
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from repaint_cli.learn.automatic import Measured, mean_and_error
 from repaint_cli.learn.teachers import transfer_instances
 from repaint_cli.learn.trainer import train
 from repaint_cli.methods import METHODS
+from repaint_cli.runs import Plan
 
 
 def returns(*means, spread=0.0, n=4):
@@ -204,6 +206,46 @@ def test_a_joint_transfer_ends():
     learner.measured = Measured(returns(0.0), [returns(-6.0)])
     stats = list(train(task, learner, taught_by(stranger(task))))
     assert stats[-1].phase == "ppo"
+
+
+def test_once_it_has_ended_alpha_1_scales_nothing():
+    task = automatic(reach(n_iterations=3), alpha_1=0.1, alpha_power=0.5)
+    scratch, taught = learner_of(task, [0]), learner_of(task, [0])
+    taught.measured = Measured(returns(0.0), [returns(-6.0)])
+    taught.measured.idle = 2
+    list(train(reach(n_iterations=3), scratch))
+    list(train(task, taught, taught_by(stranger(task))))
+    assert torch.equal(scratch.student.storage, taught.student.storage)
+
+
+def test_who_acts_and_how_much_depends_on_no_other_seed():
+    task = automatic(reach(n_iterations=1))
+    both = [stranger(task, 2, seed=5), stranger(task, 2, seed=6)]
+    kept = []
+    for leading in ([[True, False], [False, True]], [[True, False], [False, False]]):
+        learner = learner_of(task, [0, 1])
+        learner.measured = Measured(returns(0.0, 0.0), [returns(6.0, 6.0)] * 2)
+        learner.measured.leading = np.array(leading)
+        learner.measured.quantiles[:] = -1e9
+        kept.append(transfer_instances(task, learner, taught_by(*both), 2)[0])
+    assert kept[0].counts.tolist() == [36, 36]
+    assert kept[1].counts.tolist() == [36, 0]
+    assert torch.equal(kept[0].actions[0], kept[1].actions[0, :36])
+
+
+@pytest.mark.parametrize(
+    ("method", "algorithm", "automatic"),
+    [
+        ("repaint", "ppo", True),
+        ("kickstart", "ppo", False),
+        ("warm-start", "ppo", False),
+        ("instance", "q-learning", False),
+    ],
+)
+def test_what_is_not_used_is_not_measured(method, algorithm, automatic):
+    settings = ["select.rule=auto", "transfer.phases=auto"]
+    plan = Plan(reach().with_settings(settings), method, [0], Path(), algorithm=algorithm)
+    assert plan.target.automatic == automatic
 
 
 def test_while_the_critic_warms_up_nothing_is_gained_or_lost():

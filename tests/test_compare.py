@@ -3,6 +3,7 @@
 import csv
 import io
 import json
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -23,8 +24,9 @@ def run(method, *returns, steps=100.0, seconds=2.0):
     k = np.arange(1, curves.shape[1] + 1) * np.ones((len(curves), 1))
     rows = {"eval_return": curves, "env_steps": steps * k, "seconds": seconds * k}
     return SimpleNamespace(
-        method=method, label=method, returns=curves, rows=rows, task=SimpleNamespace(name="reacher")
-    )
+        method=method, label=method, returns=curves, rows=rows,
+        task=SimpleNamespace(name="reacher"), folder=Path("runs") / method,
+    )  # fmt: skip
 
 
 SLOW = run("scratch", [0, 1, 2, 3, 4], [0, 1, 2, 3, 4], [0, 1, 2, 3, 4])
@@ -75,6 +77,7 @@ def test_the_reference_is_a_label_or_a_method_and_scratch_may_be_absent():
     runs = {"scratch": SLOW, "runs/b": QUICKER}
     assert reference_of(runs, "scratch") == "scratch"
     assert reference_of(runs, "repaint") == reference_of(runs, "runs/b") == "runs/b"
+    assert reference_of(runs, "runs/repaint/") == "runs/b"  # its folder
     assert reference_of({"runs/b": QUICKER}, "scratch") is None
     with pytest.raises(NotFound, match="unknown reference 'kickstart'"):
         reference_of(runs, "kickstart")

@@ -15,7 +15,7 @@ from repaint_cli.distributions import Gaussian
 from repaint_cli.learn import students
 from repaint_cli.learn import teachers as teachers_module
 from repaint_cli.learn.advantages import describe, to_samples
-from repaint_cli.learn.learner import _part
+from repaint_cli.learn.batches import share_of
 from repaint_cli.learn.objectives import instance_loss, representation_loss
 from repaint_cli.learn.teachers import Teacher, advise, transfer_instances
 from repaint_cli.learn.trainer import train
@@ -85,8 +85,8 @@ def test_teachers_share_the_steps_or_episodes_of_one_and_act_apart(make):
 
 
 def test_what_is_shared_is_shared_evenly():
-    assert [_part(2048, i, 3) for i in range(3)] == [683, 683, 682]
-    assert [_part(2, i, 1) for i in range(1)] == [2]
+    assert [share_of(2048, i, 3) for i in range(3)] == [683, 683, 682]
+    assert [share_of(2, i, 1) for i in range(1)] == [2]
 
 
 def test_samples_of_several_teachers_are_scaled_together():

@@ -20,8 +20,9 @@ def compare(
         str, typer.Option(help="The score to reach; auto: the reference's best mean.")
     ] = "auto",
     reference: Annotated[
-        str, typer.Option(help="The run or method that others are compared with.")
-    ] = "scratch",
+        str | None,
+        typer.Option(help="The run or method that others are compared with; default: scratch."),
+    ] = None,
     task: Annotated[
         str | None, typer.Option(help="Train --methods on this task first, then compare them.")
     ] = None,
@@ -71,15 +72,16 @@ def compare(
             iterations=iterations, jobs=jobs, set=settings,
         )  # fmt: skip
     if trajectories:
-        options.refuse("figures of returns", target=goal, report=report)
+        options.refuse("figures of returns", target=goal, reference=reference, report=report)
     if report:
         options.refuse("a single picture, in place of --report", output=output)
     if task:
+        chosen = METHODS if methods is None else methods
+        side_by_side.check_reference(reference, named, chosen)
         runs = options.seed_list(seed or 0, 3 if seeds is None else seeds)
         named += contest.train_all(
-            task, METHODS if methods is None else methods, teacher, runs, iterations, settings,
-            1 if jobs is None else jobs,
-        )  # fmt: skip
+            task, chosen, teacher, runs, iterations, settings, 1 if jobs is None else jobs
+        )
     if trajectories:
         return side_by_side.play(named, output or Path("compare-trajectories.png"), as_json)
-    return side_by_side.compare(named, reference, goal, output, report, as_json)
+    return side_by_side.compare(named, reference or "scratch", goal, output, report, as_json)

@@ -13,6 +13,7 @@ from repaint_cli.cli.session import find_teachers, new_folder
 from repaint_cli.errors import CardError, RepaintError
 from repaint_cli.evaluate import spaces_of
 from repaint_cli.history import read_run
+from repaint_cli.measuring import check_episodes
 from repaint_cli.report.pictures import draw_run
 from repaint_cli.runs import Experiment, Plan
 from repaint_cli.teaching import load_staff
@@ -48,7 +49,10 @@ def train_all(
     for name in names:
         found = find_teachers(teachers, method_for("ppo", name))
         plans.append(Plan(card, name, seeds, root / name, found))
-        load_staff(found, None, plans[-1].target, spaces_of(card), 1)  # better now than later
+        target = plans[-1].target  # better now than after the first method's hours
+        target.check_rollout()
+        check_episodes(target)
+        load_staff(found, None, target, spaces_of(card), 1)
     screen = Console(stderr=True, soft_wrap=True, highlight=False)
     for done, folder in enumerate(_trained(plans, jobs), 1):
         screen.print(f"{done} of {len(plans)}: wrote [bold]{folder}/[/bold]")
@@ -61,10 +65,8 @@ def _trained(plans: list[Plan], jobs: int) -> Iterator[Path]:
     Raises:
         RepaintError: what stopped a run.
     """
-    threads = None if jobs == 1 else str(max(1, _cores() // jobs))
-    with joblib.parallel_config(
-        "loky", inner_max_num_threads=None if jobs == 1 else int(threads or 1)
-    ):
+    threads = None if jobs == 1 else max(1, _cores() // jobs)
+    with joblib.parallel_config("loky", inner_max_num_threads=threads):
         workers = joblib.Parallel(n_jobs=jobs, return_as="generator_unordered")
         for folder, problem in workers(joblib.delayed(_train)(plan, threads) for plan in plans):
             if problem:

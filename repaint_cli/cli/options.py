@@ -90,7 +90,7 @@ def refuse(needed: str, **given: object) -> None:
         CardError: one is there.
     """
     for option, value in given.items():
-        if value:
+        if value not in (None, []):
             name = option.replace("_", "-")
             raise CardError(f"--{name} is for {needed}; leave it out")
 
@@ -109,13 +109,12 @@ def given_by(
     else:
         representation, instance = parse_ratio(ratio)
         found |= {"transfer__representation": representation, "transfer__instance": instance}
+        found |= {"transfer__phases": None if ratio is None else "ratio"}
     if beta == "auto":
         found["transfer__kickstart_schedule"] = "auto"
     else:
         found["transfer__kickstart_coef"] = parse_betas(beta)
     if threshold != "auto":
-        if threshold is not None and select not in (None, "zeta", "abs"):
-            raise CardError(f"--threshold is for --select zeta or abs, found --select {select}")
         return found | {"select__threshold": threshold}
     if select not in (None, "auto"):
         raise CardError(f"--threshold auto selects by itself; leave out --select {select}")
@@ -159,6 +158,21 @@ def parse_betas(text: str | None) -> float | list[float] | None:
 def epochs_of(objective: str | None) -> int | None:
     """Return 1 for objectives that do not bound an update: each sample is to count once."""
     return 1 if objective in ("a2c", "reinforce") else None
+
+
+def check_card(card: "TaskCard", **given: str | None) -> None:
+    """Check that numbers given as options are not for what the card decides otherwise.
+
+    Raises:
+        CardError: one would change nothing.
+    """
+    numbers = {name for name, value in given.items() if value not in (None, "auto")}
+    if "threshold" in numbers and card.select.rule not in ("zeta", "abs"):
+        raise CardError(
+            f"--threshold is for --select zeta or abs, found select.rule {card.select.rule}"
+        )
+    if numbers & {"beta", "beta_decay"} and card.transfer.kickstart_schedule == "auto":
+        raise CardError("β is automatic here; leave out --beta and --beta-decay")
 
 
 def method_for(algorithm: str, method: str | None) -> str:

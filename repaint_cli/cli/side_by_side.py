@@ -37,7 +37,7 @@ def read_runs(folders: Sequence[Path]) -> dict[str, Run]:
     if len(tasks) != 1:
         raise CardError(f"expected runs of one task, found {', '.join(tasks) or 'no run'}")
     for run in read:
-        for part in ("env", "reward"):
+        for part in ("env", "reward", "reward_code"):
             if getattr(run.task, part) != getattr(read[0].task, part):
                 raise CardError(
                     f"expected runs of one task, found other [{part}] settings in {run.folder} "
@@ -82,6 +82,20 @@ def compare(
         draw_curves(runs, written[0], title_of(found), found.target)
     if not as_json:
         say_written(written, "repaint transfer --help")
+
+
+def check_reference(reference: str | None, folders: Sequence[Path], methods: str) -> None:
+    """Check, before anything is trained, that there will be such a reference.
+
+    Raises:
+        NotFound: there is no such folder.
+        CardError: there will be none, or the folders hold no runs of one task.
+    """
+    runs = read_runs(folders) if folders else {}
+    if reference is None or reference in methods.split(","):
+        return
+    if not runs or reference_of(runs, reference) is None:
+        raise CardError(f"expected --reference among what is compared, found '{reference}'")
 
 
 def target_of(target: str) -> float | None:

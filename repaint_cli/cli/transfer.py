@@ -79,7 +79,8 @@ def transfer(
     )  # fmt: skip
     if auto:
         ratio, beta, threshold = (word or "auto" for word in (ratio, beta, threshold))
-        transfer_iterations = transfer_iterations or AS_LONG_AS_IT_GIVES
+        if transfer_iterations is None:
+            transfer_iterations = AS_LONG_AS_IT_GIVES
     card = options.customize(
         read_task(task), settings, preset,
         ppo__n_iterations=iterations, ppo__objective=objective,
@@ -89,6 +90,9 @@ def transfer(
         transfer__kickstart_decay=beta_decay,
         transfer__iterations=transfer_iterations,
     )  # fmt: skip
+    if not by_q:
+        decay = None if beta_decay is None else str(beta_decay)
+        options.check_card(card, threshold=threshold, beta=beta, beta_decay=decay)
     teachers = find_teachers(teacher, method)
     parts = [algorithm] * by_q + [method, *(path.stem for path in teachers)]
     folder = new_folder(run, card.name, "-".join(parts))

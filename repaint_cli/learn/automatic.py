@@ -17,7 +17,8 @@ teachers:
 J_0 is the return of the student before it has learned anything, so β is the share of a teacher's
 lead over a random policy that is left and more than chance, whatever the signs of the returns. A
 teacher no better than the student teaches nothing, and what is left is PPO. Each part may be
-automatic alone. Seeds that train side by side share the phase and the end, not β and ζ.
+automatic alone, with the end; of other rules the phase goes by what this one would keep. Seeds that
+train side by side share the phase and the end, not β and ζ.
 """
 
 from collections.abc import Sequence

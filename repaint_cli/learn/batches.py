@@ -47,11 +47,14 @@ class Batch:
         counts = self.counts.clamp(max=n)
         return self.pick(torch.arange(int(counts.max())).expand(len(counts), -1), counts)
 
-    def within(self, ppo: PPOConfig) -> Self:
-        """Return no more entries of a seed than steps asked for, where episodes are played out."""
+    def within(self, ppo: PPOConfig, which: int = 0, of: int = 1) -> Self:
+        """Return no more entries of a seed than steps asked for, where episodes are played out.
+
+        Of several who share the steps, `which` counts from 0.
+        """
         if ppo.n_episodes or ppo.n_steps is None or not ppo.whole_episodes:
             return self
-        return self.first(ppo.n_steps)
+        return self.first(share_of(ppo.n_steps, which, of))
 
     @classmethod
     def together(cls, several: Sequence[Self]) -> Self:
@@ -76,6 +79,11 @@ def _end_to_end(column: Sequence[Any]) -> Any:
     if column[0] is None:
         return None
     return torch.cat(list(column), 1) if isinstance(column[0], Tensor) else side_by_side(column)
+
+
+def share_of(total: int, which: int, of: int) -> int:
+    """Return what falls to one of several who share evenly, the first of them first."""
+    return total // of + (which < total % of)
 
 
 def front(kept: Tensor) -> tuple[Tensor, Tensor]:

@@ -8,6 +8,7 @@ import torch
 
 from repaint_cli.learn.advantages import Samples
 from repaint_cli.learn.automatic import Measured
+from repaint_cli.learn.batches import share_of
 from repaint_cli.learn.frames import Frames
 from repaint_cli.learn.objectives import masked_mean
 from repaint_cli.learn.optimizer import RowAdam
@@ -74,7 +75,7 @@ class Learner:
         ppo = task.ppo
         return self._roll(
             task, k, policy or self.student.policy, (Purpose.TRAIN, Purpose.ACT),
-            n_steps=None if ppo.n_episodes else _part(ppo.n_steps, 0, 1 + beside),
+            n_steps=None if ppo.n_episodes else share_of(ppo.n_steps or 0, 0, 1 + beside),
             n_envs=ppo.n_episodes or max(1, ppo.n_envs // (1 + beside)),
             whole=ppo.whole_episodes, record=task.env.records,
         )  # fmt: skip
@@ -99,14 +100,15 @@ class Learner:
             of: how many teachers there are.
             beside: 1 where the student acts in the same iteration.
         """
-        ppo, episodes = task.ppo, task.transfer.teacher_episodes
+        ppo, sharing = task.ppo, of + beside
+        if ppo.n_episodes:
+            n_steps, n_envs = None, share_of(task.transfer.teacher_episodes, which, of)
+        else:
+            n_steps = share_of(ppo.n_steps or 0, which + beside, sharing)
+            n_envs = max(1, ppo.n_envs // sharing)
         return self._roll(
             task, k, policy, (Purpose.TEACHER, Purpose.ACT_AS_TEACHER), stream=which,
-            n_steps=None if ppo.n_episodes else _part(ppo.n_steps, which + beside, of + beside),
-            n_envs=_part(episodes, which, of)
-            if ppo.n_episodes
-            else max(1, ppo.n_envs // (of + beside)),
-            whole=ppo.whole_episodes,
+            n_steps=n_steps, n_envs=n_envs, whole=ppo.whole_episodes,
         )  # fmt: skip
 
     def _roll(
@@ -152,9 +154,3 @@ class Learner:
 def without_sights(rollout: Rollout) -> Rollout:
     """Return a rollout without its observations, which fill memory and no table."""
     return replace(rollout, frames=Frames([]))
-
-
-def _part(total: int | None, which: int, of: int) -> int:
-    """Return what falls to one of several who share evenly, the first of them first."""
-    assert total is not None
-    return total // of + (which < total % of)

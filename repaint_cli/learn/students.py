@@ -84,7 +84,7 @@ def _remember(
     """Keep what the teachers' samples will be judged against."""
     by_relevance = teachers and task.transfer.instance and task.select.rule == "rbt"
     learner.remember(rollout, samples, transitions(rollout) if by_relevance else None)
-    if learner.measured:
+    if learner.measured and not learner.measured.ended:
         learner.measured.see_advantages(samples)
 
 
@@ -92,8 +92,9 @@ def _judge_again(
     task: TaskCard, learner: Learner, k: int, rollout: Rollout, teachers: Sequence[Teacher]
 ) -> None:
     """Let the critic, now fitted, judge the students' batch as it will judge the teachers'."""
-    asked = learner.measured or task.select.scale == "student-batch"
-    if not (teachers and asked and k < task.transfer.iterations):
+    measured = learner.measured and not learner.measured.ended
+    asked = measured or task.select.scale == "student-batch"
+    if not (teachers and asked and k < task.transfer.iterations) or task.transfer.joint:
         return
     judged = to_samples(rollout, learner.student.value, task.ppo)
     learner.last_moments = moments(judged)
@@ -122,7 +123,8 @@ def _learn(
     betas = betas_of(k, transfer, learner, teachers)
     if joint and actors(teachers, task, learner):
         kept, numbers = transfer_instances(task, learner, teachers, k)
-    alpha_1, _ = schedules.alphas(k, transfer) if teachers else (1.0, 1.0)
+    taught = teachers and not (learner.measured and learner.measured.ended)
+    alpha_1, _ = schedules.alphas(k, transfer) if taught else (1.0, 1.0)
     numbers |= learn_on_policy(
         learner.student, learner.optimizer, batch, task.ppo, rngs,
         teacher=advise(teachers, betas, batch, transfer), beta=betas.sum(0),

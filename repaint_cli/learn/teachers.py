@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -82,16 +83,18 @@ def transfer_instances(
     Returns:
         The chosen samples and what the selection looked like, (S,) per number.
     """
-    acting = [teacher for teacher, _ in actors(teachers, task, learner)]
+    acting, of = actors(teachers, task, learner), sum(teacher.acts for teacher in teachers)
     rollouts = [
-        learner.watch(task, k, soften(teacher.network, task.transfer), which=i, of=len(acting))
-        for i, teacher in enumerate(acting)
+        learner.watch(
+            task, k, soften(actor.teacher.network, task.transfer), which=actor.which, of=of
+        )
+        for actor in acting
     ]
     if task.transfer.teacher_statistics:
         for rollout in rollouts:
             learner.see(rollout)
-    samples = Samples.together(_judged(task, learner, teachers, rollouts))
-    chosen, scaled = _chosen(task, learner, k, samples, acting, rollouts)
+    samples = Samples.together(_judged(task, learner, acting, rollouts, of))
+    chosen, scaled = _chosen(task, learner, k, samples, acting, rollouts, of)
     raw, counts = samples.pick(chosen.positions, chosen.counts), chosen.counts
     nothing = counts == 0
     numbers = {
@@ -106,32 +109,41 @@ def transfer_instances(
     return chosen.of(scaled), told
 
 
-def actors(
-    teachers: Sequence[Teacher], task: TaskCard, learner: Learner
-) -> list[tuple[Teacher, np.ndarray]]:
-    """Return the teachers who act, and which seeds may learn from their samples, (S,) bool.
+class Actor(NamedTuple):
+    """A teacher who acts."""
 
-    All may, unless it is decided by what is measured: then those whom the teacher is ahead of, and
-    who is ahead of nobody does not act.
+    teacher: Teacher
+    which: int
+    """Its number among those who may act, which names its share and its noise."""
+    leads: np.ndarray
+    """Which seeds learn from its samples, (S,) bool."""
+
+
+def actors(teachers: Sequence[Teacher], task: TaskCard, learner: Learner) -> list[Actor]:
+    """Return the teachers who act.
+
+    All who may do, unless it is decided by what is measured: then each teaches those whom it is
+    ahead of, and who is ahead of nobody does not act.
     """
-    everybody = np.ones(len(learner.seeds), bool)
-    if not learner.measured or task.select.rule != "auto":
-        return [(teacher, everybody) for teacher in teachers if teacher.acts]
-    pairs = zip(teachers, learner.measured.leading, strict=True)
-    return [(teacher, leads) for teacher, leads in pairs if teacher.acts and leads.any()]
+    leading = np.ones((len(teachers), len(learner.seeds)), bool)
+    if learner.measured and task.select.rule == "auto":
+        leading = learner.measured.leading
+    pairs = [(t, leads) for t, leads in zip(teachers, leading, strict=True) if t.acts]
+    return [Actor(t, which, leads) for which, (t, leads) in enumerate(pairs) if leads.any()]
 
 
 def _judged(
-    task: TaskCard, learner: Learner, teachers: Sequence[Teacher], rollouts: Sequence[Rollout]
+    task: TaskCard, learner: Learner, acting: Sequence[Actor], rollouts: Sequence[Rollout], of: int
 ) -> list[Samples]:
     """Return each acting teacher's samples, as the student's critic sees them."""
     parts = []
-    for (teacher, leads), rollout in zip(actors(teachers, task, learner), rollouts, strict=True):
-        part = to_samples(rollout, learner.student.value, task.ppo).within(task.ppo)
+    for actor, rollout in zip(acting, rollouts, strict=True):
+        part = to_samples(rollout, learner.student.value, task.ppo)
+        part = part.within(task.ppo, actor.which, of)
         if task.ppo.objective == "trpo":
-            policy = soften(teacher.network, task.transfer)
+            policy = soften(actor.teacher.network, task.transfer)
             part = replace(part, behavior=describe(policy, part))
-        parts.append(replace(part, counts=part.counts * torch.from_numpy(leads)))
+        parts.append(replace(part, counts=part.counts * torch.from_numpy(actor.leads)))
     return parts
 
 
@@ -140,8 +152,9 @@ def _chosen(
     learner: Learner,
     k: int,
     samples: Samples,
-    acting: Sequence[Teacher],
+    acting: Sequence[Actor],
     rollouts: Sequence[Rollout],
+    of: int,
 ) -> tuple[Chosen, Samples]:
     """Return which samples to learn from, and all of them on the scale they were chosen on."""
     if learner.measured and task.select.rule == "auto":
@@ -150,19 +163,20 @@ def _chosen(
     scaled = rescale(samples, task.select.scale, learner.last_moments)
     if learner.measured:
         learner.measured.shares(samples)  # which the next phase goes by
-    relevant = _relevance(task, learner, acting, rollouts) if task.select.rule == "rbt" else None
+    by_relevance = task.select.rule == "rbt"
+    relevant = _relevance(task, learner, acting, rollouts, of) if by_relevance else None
     rngs = [generator(seed, Purpose.SELECT, k) for seed in learner.seeds]
     threshold = schedules.threshold(k, task.select, task.transfer)
     return select(scaled, task.select, threshold, rngs, relevant), scaled
 
 
 def _relevance(
-    task: TaskCard, learner: Learner, teachers: Sequence[Teacher], rollouts: Sequence[Rollout]
+    task: TaskCard, learner: Learner, acting: Sequence[Actor], rollouts: Sequence[Rollout], of: int
 ) -> torch.Tensor:
     """Return the relevance of the teachers' samples to the student's last batch, (S, B)."""
     assert learner.last_batch is not None
     sources = [
-        transitions(rollout, teacher.weights).within(task.ppo)
-        for rollout, teacher in zip(rollouts, teachers, strict=True)
+        transitions(rollout, actor.teacher.weights).within(task.ppo, actor.which, of)
+        for rollout, actor in zip(rollouts, acting, strict=True)
     ]
     return relevance(learner.last_batch, sources, task.select)

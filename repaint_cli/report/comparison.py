@@ -76,14 +76,15 @@ class Comparison:
 
 
 def reference_of(runs: Mapping[str, Run], wanted: str) -> str | None:
-    """Return the label of the reference: a label, or the first run of a method of that name.
+    """Return the label of the reference: a label, a run's folder, or the first run of a method.
 
     Raises:
         NotFound: none is called so; the default "scratch" may be absent.
     """
     if wanted in runs:
         return wanted
-    named = next((label for label, run in runs.items() if run.method == wanted), None)
+    called = {label: (run.method, str(run.folder).rstrip("/")) for label, run in runs.items()}
+    named = next((label for label, names in called.items() if wanted.rstrip("/") in names), None)
     if named is None and wanted != "scratch":
         raise NotFound.named("reference", wanted, runs, "repaint compare --help")
     return named
