@@ -168,7 +168,7 @@ def test_a_term_that_is_not_reported_is_named_with_those_that_are():
     env = RewardTerms(make_gym("Reacher-v5", 1, {}), {"reward_run": 1.0})
     env.reset(seed=[0])
     with pytest.raises(
-        CardError, match=r"no reward term 'reward_run'; .*: reward_ctrl, reward_dist"
+        CardError, match=r"no reward term 'reward_run'; .*: reward, reward_ctrl, reward_dist"
     ):
         env.step(np.zeros((1, 2)))
 

@@ -35,7 +35,7 @@ class RewardTerms(VectorWrapper):
             CardError: the environment does not report one of the terms.
         """
         obs, own, terminated, truncated, info = self.env.step(actions)
-        info.setdefault("reward", own)
+        info.setdefault("reward", np.asarray(own, np.float64))
         terms = np.zeros((self.num_envs, len(self.names)))  # (N, F)
         if not self._ended.all():
             for column, name in enumerate(self.names):
