@@ -159,19 +159,11 @@ def test_rows_are_picked_seed_by_seed(family):
     assert_close(picked, whole[rows])
 
 
-@given(seeds, st.lists(st.floats(0.01, 2), min_size=2, max_size=3))
-def test_a_blend_of_gaussians_has_the_weighted_cross_entropies_of_its_parts(seed, betas):
-    teachers = [any_gaussian(seed + i)[0] for i in range(len(betas))]
-    student = any_gaussian(seed + 7)[0]
-    whole = blend(teachers, weights_of(betas)).cross_entropy(student)
-    parts = sum(b * t.cross_entropy(student) for b, t in zip(betas, teachers, strict=True))
-    assert_close(sum(betas) * whole, parts, rtol=1e-4, atol=1e-4)
-
-
-@given(seeds, st.lists(st.floats(0.01, 2), min_size=2, max_size=3))
-def test_a_blend_of_categoricals_has_the_weighted_cross_entropies_of_its_parts(seed, betas):
-    teachers = [any_categorical(seed + i)[0] for i in range(len(betas))]
-    student = any_categorical(seed + 7)[0]
+@pytest.mark.parametrize("family", [any_gaussian, any_categorical])
+@given(seed=seeds, betas=st.lists(st.floats(0.01, 2), min_size=2, max_size=3))
+def test_a_blend_has_the_weighted_cross_entropies_of_its_parts(family, seed, betas):
+    teachers = [family(seed + i)[0] for i in range(len(betas))]
+    student = family(seed + 7)[0]
     whole = blend(teachers, weights_of(betas)).cross_entropy(student)
     parts = sum(b * t.cross_entropy(student) for b, t in zip(betas, teachers, strict=True))
     assert_close(sum(betas) * whole, parts, rtol=1e-4, atol=1e-4)

@@ -84,7 +84,7 @@ def _remember(
     """Keep what the teachers' samples will be judged against."""
     by_relevance = teachers and task.transfer.instance and task.select.rule == "rbt"
     learner.remember(rollout, samples, transitions(rollout) if by_relevance else None)
-    if learner.measured and not learner.measured.ended:
+    if learner.measured and task.transfer.joint:  # else they are judged again before teachers act
         learner.measured.see_advantages(samples)
 
 
