@@ -70,7 +70,7 @@ def _check_numbers(task: TaskCard, n_teachers: int, n_acting: int) -> None:
     betas, episodes = task.transfer.kickstart_coef, task.transfer.teacher_episodes
     if isinstance(betas, tuple) and len(betas) != n_teachers:
         raise CardError(
-            f"expected one --beta, or one for each of {n_teachers} teachers, found {len(betas)}"
+            f"expected one --beta, or one for each --teacher ({n_teachers}), found {len(betas)}"
         )
     if task.transfer.instance and not n_acting:
         raise CardError("expected at least one teacher to take instances from, found none")

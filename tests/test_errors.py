@@ -175,7 +175,7 @@ SETTINGS += [
     ([*BY_Q, "--threshold", -1], "q_learning.threshold: .*greater than .*, found -1"),
     ([*TRANSFER, "--beta", "0.2,x"], "expected --beta as a number, or one for each teacher"),
     ([*TRANSFER, "--beta", "0.2,0.1"],
-     "expected one --beta, or one for each of 1 teachers, found 2"),
+     r"expected one --beta, or one for each --teacher \(1\), found 2"),
     ([*TRANSFER, "--beta", "0.2,-1"], "transfer.kickstart_coef.*: .*greater than .*, found -1"),
     ([*TRANSFER, "--select", "best"], "select.rule: .*'zeta', 'abs', 'top', .*found 'best'"),
     ([*TRANSFER, "--objective", "ppo"], "ppo.objective: .*'clipped', 'a2c', .*found 'ppo'"),
