@@ -33,13 +33,13 @@ class Alarm:
 
 
 def alarms_of(
-    report: Report, before: Sequence[Report], reference: np.ndarray | None, rule: str = "zeta"
+    report: Report, before: Sequence[np.ndarray], reference: np.ndarray | None, rule: str = "zeta"
 ) -> list[Alarm]:
     """Return what an iteration gives reason to say.
 
     Args:
         report: the iteration.
-        before: the ones before it.
+        before: evaluated returns (S, E) after the ones before it, the last `IN_A_ROW` − 1 at least.
         reference: evaluated mean returns (S, K) of a run from scratch on the same task, or None.
         rule: of selection; for `auto` it is no alarm to keep nothing.
     """
@@ -48,7 +48,8 @@ def alarms_of(
         found += [*_of_the_kept(report, rule), *_of_the_teachers(report)]
         found += _of_the_outcome(report, before[-1:])
     if reference is not None:
-        found += _of_the_reference([*before[1 - IN_A_ROW :], report], reference)
+        returns = [*before[1 - IN_A_ROW :], report.evaluation.returns]
+        found += _of_the_reference(returns, report.stats.iteration, reference)
     k = report.stats.iteration
     return [Alarm(k, kind, f"iteration {k}: {text}") for kind, text in found]
 
@@ -89,12 +90,12 @@ def _of_the_teachers(report: Report) -> Iterator[tuple[str, str]]:
         )
 
 
-def _of_the_outcome(report: Report, before: Sequence[Report]) -> Iterator[tuple[str, str]]:
+def _of_the_outcome(report: Report, before: Sequence[np.ndarray]) -> Iterator[tuple[str, str]]:
     """Ask whether the critic's expectation of the kept samples came true."""
     promised = _mean(report, "kept_advantage")
     if not before or not promised > 0:
         return
-    (then, old_error), (now, new_error) = map(_evaluated, (before[0], report))
+    (then, old_error), (now, new_error) = map(_evaluated, (before[0], report.evaluation.returns))
     if now < then - 2 * np.hypot(old_error, new_error):
         yield (
             "worse-than-promised",
@@ -105,14 +106,13 @@ def _of_the_outcome(report: Report, before: Sequence[Report]) -> Iterator[tuple[
 
 
 def _of_the_reference(
-    reports: Sequence[Report], reference: np.ndarray
+    returns: Sequence[np.ndarray], k: int, reference: np.ndarray
 ) -> Iterator[tuple[str, str]]:
-    """Ask whether the last iterations were under those of a run from scratch."""
-    ks = [report.stats.iteration for report in reports]
-    if len(reports) < IN_A_ROW or ks[-1] > reference.shape[1]:
+    """Ask whether the last iterations, up to k, were under those of a run from scratch."""
+    if len(returns) < IN_A_ROW or k > reference.shape[1]:
         return
-    own = np.stack([report.evaluation.returns.mean(1) for report in reports], 1)
-    scratch = reference[:, [k - 1 for k in ks]]
+    own = np.stack([played.mean(1) for played in returns], 1)
+    scratch = reference[:, k - IN_A_ROW : k]
     error = np.sqrt(_squared_error(own) + _squared_error(scratch))
     if (own.mean(0) < scratch.mean(0) - error).all():
         yield (
@@ -129,9 +129,8 @@ def _mean(report: Report, name: str) -> float:
     return float(known.mean()) if len(known) else float("nan")
 
 
-def _evaluated(report: Report) -> tuple[float, float]:
-    """Return the mean evaluated return of all seeds and its standard error over episodes."""
-    returns = report.evaluation.returns
+def _evaluated(returns: np.ndarray) -> tuple[float, float]:
+    """Return the mean of evaluated returns (S, E) and its standard error over episodes."""
     n = returns.size
     return float(returns.mean()), float(returns.std(axis=1).mean() / np.sqrt(n))
 

@@ -1,45 +1,64 @@
 """Weights in and out: safetensors, strict, atomic, leaf by leaf. No pickle."""
 
+import hashlib
 import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import torch
 from safetensors.torch import save_file
 from torch import Tensor
 
 from repaint_cli.errors import CheckpointError
-from repaint_cli.files import KEY, header_of, opened, written_whole
-from repaint_cli.learn.automatic import Measured
-from repaint_cli.learn.frames import Frames
-from repaint_cli.learn.learner import Learner
-from repaint_cli.learn.transitions import Transitions
+from repaint_cli.files import HASH, KEY, header_of, opened, written_whole
 from repaint_cli.nets import ActorCritic
 
 
-def save(path: Path, tensors: Mapping[str, Tensor], header: Mapping[str, Any]) -> None:
-    """Write tensors and a JSON header as one safetensors file, whole or not at all."""
+def save(
+    path: Path, tensors: Mapping[str, Tensor], header: Mapping[str, Any], *, new: bool = False
+) -> None:
+    """Write tensors, a JSON header and the hash of both as one safetensors file.
+
+    It is written whole or not at all; with `new` not over another (see `files.written_whole`).
+    """
     whole = {name: tensor.detach().contiguous().clone() for name, tensor in tensors.items()}
-    with written_whole(path) as temporary:
-        save_file(whole, temporary, metadata={KEY: json.dumps(header)})
+    text = json.dumps({**header, HASH: content_hash(whole, header)})
+    with written_whole(path, new=new) as temporary:
+        save_file(whole, temporary, metadata={KEY: text})  # two keys would be in any order
 
 
-def load(path: Path) -> tuple[dict[str, Tensor], dict[str, Any]]:
+def load(path: Path, *, finite: bool = True) -> tuple[dict[str, Tensor], dict[str, Any]]:
     """Read all tensors and the header.
+
+    Args:
+        path: of the file.
+        finite: whether its numbers have to be.
 
     Raises:
         CheckpointError: the file is absent, damaged, not one of ours, or holds numbers that are not
             finite.
     """
     with opened(path, "pt") as file:
-        header = header_of(path, file)
+        header, wanted = header_of(path, file)
         tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+    if wanted is not None and wanted != content_hash(tensors, header):
+        raise CheckpointError(
+            f"{path} is not what was written: its {HASH} does not match; copy or train it again"
+        )
     for name, tensor in tensors.items():
-        if not torch.isfinite(tensor).all():
+        if finite and not torch.isfinite(tensor).all():
             raise CheckpointError(f"{path}: leaf '{name}' holds numbers that are not finite")
     return tensors, header
+
+
+def content_hash(tensors: Mapping[str, Tensor], header: Mapping[str, Any]) -> str:
+    """Return the SHA-256 of a header and of every tensor's name, type, shape and bytes."""
+    found = hashlib.sha256(json.dumps(header).encode())
+    for name, tensor in sorted(tensors.items()):
+        found.update(f"\n{name} {_kind(tensor, tensor.shape)}\n".encode())
+        found.update(tensor.detach().numpy().reshape(-1).view("u1").data)
+    return found.hexdigest()
 
 
 def policy_tensors(student: ActorCritic, seed: int | None = None) -> dict[str, Tensor]:
@@ -80,80 +99,3 @@ def load_policy(student: ActorCritic, tensors: Mapping[str, Tensor], where: str)
 
 def _kind(tensor: Tensor, shape: torch.Size) -> str:
     return f"{tuple(shape)} {str(tensor.dtype).removeprefix('torch.')}"
-
-
-def save_learner(path: Path, learner: Learner, header: Mapping[str, Any]) -> None:
-    """Write all that a learner is: policies, critics, optimiser, counters."""
-    tensors = {f"net/{name}": leaf for name, leaf in policy_tensors(learner.student).items()}
-    tensors |= {f"adam/{name}": part for name, part in learner.optimizer.state().items()}
-    tensors |= {f"last/{name}": part for name, part in _last(learner).items()}
-    if learner.measured:
-        tensors |= {f"measured/{n}": part for n, part in learner.measured.state().items()}
-    if learner.last_batch:
-        tensors |= {f"batch/{n}": part for n, part in _batch(learner.last_batch).items()}
-    counters = {
-        "after_instance": learner.after_instance,
-        "seeds": learner.seeds,
-        "iteration": learner.iteration,
-        "env_steps": learner.env_steps.tolist(),
-    }
-    save(path, tensors, {**header, **counters})
-
-
-def load_learner(path: Path, learner: Learner) -> None:
-    """Put a learner back where `save_learner` left it.
-
-    Raises:
-        CheckpointError: the file is damaged, or of another network or other seeds.
-    """
-    tensors, header = load(path)
-    if header.get("seeds") != learner.seeds:
-        raise CheckpointError(f"{path} holds seeds {header.get('seeds')}, wanted {learner.seeds}")
-
-    def part(prefix: str) -> dict[str, Tensor]:
-        return {n.removeprefix(prefix): t for n, t in tensors.items() if n.startswith(prefix)}
-
-    load_policy(learner.student, part("net/"), str(path))
-    learner.optimizer.load(part("adam/"))
-    last = part("last/")
-    learner.last_moments = (last["mean"], last["std"])
-    learner.last_reward = last["reward"]
-    learner.last_return = np.where(last["ended"], last["return"], np.nan)
-    batch, measured = part("batch/"), part("measured/")
-    learner.last_batch = _read_batch(batch) if batch else None
-    learner.measured = Measured.load(measured) if measured else None
-    learner.after_instance = header["after_instance"]
-    learner.iteration = header["iteration"]
-    learner.env_steps = np.array(header["env_steps"])
-
-
-def _last(learner: Learner) -> dict[str, Tensor]:
-    mean, std = learner.last_moments
-    returns = torch.from_numpy(learner.last_return)
-    return {
-        "mean": mean, "std": std, "reward": learner.last_reward,
-        "return": returns.nan_to_num(0.0), "ended": ~returns.isnan(),
-    }  # fmt: skip
-
-
-def _batch(batch: Transitions) -> dict[str, Tensor]:
-    """Return a batch of vectors as tensors, each seed's observations by themselves."""
-    stores = {f"store{s}": store for s, store in enumerate(batch.frames.stores)}
-    return {**batch.parts, "counts": batch.counts, **stores}
-
-
-def _read_batch(tensors: Mapping[str, Tensor]) -> Transitions:
-    stores = [tensors[f"store{s}"] for s in range(len(tensors["counts"]))]
-    rest = {name: part for name, part in tensors.items() if not name.startswith("store")}
-    return Transitions(frames=Frames(stores), **rest)
-
-
-def load_networks(path: Path, network: ActorCritic) -> None:
-    """Put the policies and critics of a learner's checkpoint in place, and nothing else.
-
-    Raises:
-        CheckpointError: the file is damaged, or of another network.
-    """
-    tensors, _ = load(path)
-    leaves = {n.removeprefix("net/"): t for n, t in tensors.items() if n.startswith("net/")}
-    load_policy(network, leaves, str(path))

@@ -9,6 +9,9 @@ RepaintError                1   anything the program can explain in a line
 ├── DivergedError           6   a loss, a weight or an observation is not finite
 ├── StoreError              7   a file or folder cannot be written, or exists already
 └── RenderError             8   no offscreen renderer works here
+
+KeyboardInterrupt         130   Ctrl-C
+Terminated                143   SIGTERM
 ```
 
 Messages say what was wanted, what was found and what to do, in one line.
@@ -96,3 +99,10 @@ class RenderError(RepaintError):
     """No offscreen renderer works on this machine."""
 
     exit_code = 8
+
+
+class Terminated(SystemExit):
+    """A scheduler asked the process to end (SIGTERM)."""
+
+    def __init__(self) -> None:
+        super().__init__(128 + 15)

@@ -59,6 +59,21 @@ class Episodes:
             return None
         return np.where(progress >= 100, seconds, np.nan)
 
+    def of_seed(self, s: int) -> "Episodes":
+        """Return the episodes of one of the policies, without what it saw."""
+        only, per = slice(s, s + 1), len(self.env_seeds) // len(self.returns)
+        return Episodes(
+            returns=self.returns[only],
+            lengths=self.lengths[only],
+            terms=self.terms[only],
+            rewards=self.rewards[:, only],
+            actions=self.actions[:, only],
+            records={name: rows[:, only] for name, rows in self.records.items()},
+            env_seeds=self.env_seeds[s * per : (s + 1) * per],
+            paths=None if self.paths is None else self.paths[only],
+            targets=None if self.targets is None else self.targets[only],
+        )
+
     def _last(self, name: str) -> np.ndarray | None:
         if name not in self.records:
             return None

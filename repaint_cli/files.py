@@ -4,7 +4,7 @@ import hashlib
 import json
 import os
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -16,13 +16,21 @@ from repaint_cli.errors import CheckpointError, StoreError
 KEY = "repaint"
 """Where our JSON stands in a safetensors header."""
 
+HASH = "sha256"
+"""Where in our JSON the hash of all that a file holds stands."""
+
 
 @contextmanager
-def written_whole(path: Path) -> Iterator[Path]:
+def written_whole(path: Path, *, new: bool = False) -> Iterator[Path]:
     """Give a temporary path beside `path` to write to, and move it there only if all went well.
 
+    Args:
+        path: of the file; whoever reads it meets the old one or the new one, whole.
+        new: whether there must be none yet; of several who write it at once the first wins.
+
     Raises:
-        StoreError: the folder cannot be written or the disk is full; `path` is as it was.
+        StoreError: the folder cannot be written, the disk is full, or a file that is to be new is
+            there; `path` is as it was.
     """
     temporary = path
     try:
@@ -36,7 +44,11 @@ def written_whole(path: Path) -> Iterator[Path]:
         with temporary.open("rb+") as file:
             os.fsync(file.fileno())
         temporary.chmod(0o644)
-        os.replace(temporary, path)
+        if new:
+            _link(temporary, path)
+        else:
+            os.replace(temporary, path)
+        _sync_folder(path.parent)
     except (OSError, SafetensorError) as error:
         if isinstance(error, SafetensorError) and "I/O" not in str(error):
             raise
@@ -48,10 +60,67 @@ def written_whole(path: Path) -> Iterator[Path]:
                 temporary.unlink()
 
 
+def _link(temporary: Path, path: Path) -> None:
+    """Give a file its name, unless something has it."""
+    try:
+        os.link(temporary, path)
+    except OSError as error:  # a file system without links cannot tell in one step
+        if path.exists() or path.is_symlink():
+            raise StoreError(f"{path} exists already") from error
+        os.replace(temporary, path)
+
+
+def _sync_folder(folder: Path) -> None:
+    """Let a new name outlive a power failure, where folders can be opened at all."""
+    with suppress(OSError):
+        handle = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(handle)
+        finally:
+            os.close(handle)
+
+
+@contextmanager
+def alone_in(folder: Path) -> Iterator[None]:
+    """Hold a folder, so that of two processes that would write a run only one does.
+
+    The hold ends with the process, however that ends; where the system knows no such lock there is
+    none.
+
+    Raises:
+        StoreError: another process holds it.
+    """
+    handle = _held(folder)
+    try:
+        yield
+    finally:
+        if handle is not None:
+            os.close(handle)
+
+
+def _held(folder: Path) -> int | None:
+    try:
+        import fcntl
+    except ImportError:  # not on Windows
+        return None
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError as error:
+        os.close(handle)
+        raise StoreError(f"{folder} is being written by another process; wait for it") from error
+    return handle
+
+
 def write_text(path: Path, text: str) -> None:
     """Write a small text file, whole or not at all."""
     with written_whole(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
+
+
+def as_json(record: Mapping[str, Any]) -> str:
+    """Return a record as JSON that people can read."""
+    return json.dumps(record, indent=2) + "\n"
 
 
 def check_writable(folder: Path) -> None:
@@ -80,7 +149,17 @@ def read_header(path: Path) -> dict[str, Any]:
         CheckpointError: the file is absent, damaged, or not one of ours.
     """
     with opened(path, "numpy") as file:
-        return header_of(path, file)
+        return header_of(path, file)[0]
+
+
+def read_hash(path: Path) -> str | None:
+    """Return the hash that a file's header says its contents have; None of an earlier version.
+
+    Raises:
+        CheckpointError: the file is absent or damaged.
+    """
+    with opened(path, "numpy") as file:
+        return header_of(path, file)[1]
 
 
 @contextmanager
@@ -101,8 +180,8 @@ def opened(path: Path, framework: str) -> Iterator[Any]:
         ) from error
 
 
-def header_of(path: Path, file: Any) -> dict[str, Any]:
-    """Return our JSON from an opened file's header.
+def header_of(path: Path, file: Any) -> tuple[dict[str, Any], str | None]:
+    """Return our JSON from an opened file's header, and the hash in it; None before 0.1.0.
 
     Raises:
         CheckpointError: there is none.
@@ -114,4 +193,4 @@ def header_of(path: Path, file: Any) -> dict[str, Any]:
         header = None
     if not isinstance(header, dict):
         raise CheckpointError(f"{path} was not written by repaint: its header has no '{KEY}' JSON")
-    return header
+    return header, header.pop(HASH, None)

@@ -2,12 +2,14 @@
 
 import csv
 import io
+import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from repaint_cli.errors import CheckpointError
 from repaint_cli.evaluate import Episodes
 from repaint_cli.files import write_text
 from repaint_cli.learn.trainer import IterationStats
@@ -62,6 +64,35 @@ def append_csv(path: Path, rows: list[dict[str, Any]]) -> None:
         {name: _cell(value) for name, value in row.items()} for row in rows
     )
     write_text(path, path.read_text(encoding="utf-8") + text.getvalue())
+
+
+def start_csv(path: Path) -> None:
+    """Write a metrics.csv without rows."""
+    write_text(path, ",".join(COLUMNS) + "\n")
+
+
+def cut_csv(path: Path, k: int, n_seeds: int) -> None:
+    """Forget what metrics.csv says of iterations after k.
+
+    Raises:
+        CheckpointError: it does not say all of those before.
+    """
+    try:
+        lines = path.read_bytes().splitlines(keepends=True)
+    except OSError as error:
+        raise CheckpointError(f"cannot read {path}: {error.strerror}") from error
+    wanted = 1 + k * n_seeds
+    last = (
+        lines[wanted - 1].partition(b",")[0].decode(errors="replace")
+        if len(lines) >= wanted
+        else "nothing"
+    )
+    if k and last != str(k):
+        raise CheckpointError(
+            f"{path} is damaged: expected its line {wanted} to be of iteration {k}, as the "
+            f"checkpoint beside it is, found {last}"
+        )
+    os.truncate(path, sum(len(line) for line in lines[:wanted]))  # which needs no room on a disk
 
 
 def _cell(value: Any) -> Any:

@@ -1,36 +1,34 @@
 """A run: train, evaluate, record, checkpoint. Its folder is all that remains and all one needs."""
 
-import json
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from contextlib import suppress
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from time import perf_counter
 from typing import Any
 
-from repaint_cli import checkpoint, zoo
+from repaint_cli import evaluations, zoo
 from repaint_cli.alarms import Alarm, alarms_of, reference_beside
-from repaint_cli.config import TransferConfig
-from repaint_cli.errors import StoreError, telling_where
-from repaint_cli.evaluate import evaluate, spaces_of
-from repaint_cli.files import write_text
+from repaint_cli.errors import RepaintError, telling_where
+from repaint_cli.evaluate import evaluate, has_paths, spaces_of
+from repaint_cli.files import alone_in, as_json, write_text
+from repaint_cli.history import read_run
 from repaint_cli.learn import q_learning, trainer
 from repaint_cli.learn.learner import Learner
 from repaint_cli.learn.seeding import Purpose
 from repaint_cli.measuring import check_episodes, inform, measure
 from repaint_cli.methods import METHODS
-from repaint_cli.metrics import COLUMNS, Report, append_csv
+from repaint_cli.metrics import Report, append_csv
 from repaint_cli.nets import ActorCritic
+from repaint_cli.past import CHECKPOINT, Past, claim, find_past, forget_after, save_checkpoint
+from repaint_cli.plans import Plan
 from repaint_cli.report.statistics import mean_ci
-from repaint_cli.simtrace import Simtrace, log_folders
+from repaint_cli.simtrace import START, Simtrace, log_folders
 from repaint_cli.simulators import RacerEnv
 from repaint_cli.tasks import TaskCard
 from repaint_cli.teaching import load_staff, warm_start
 from repaint_cli.traces import driven, played
-
-CHECKPOINT = "checkpoint.safetensors"
-"""All that the learner is after the last finished iteration."""
 
 BEST = "best"
 """Name of the best evaluated policy of a run so far, a teacher in the run's folder."""
@@ -42,46 +40,20 @@ SCORE_EPISODES = {"gymnasium": 100, "racer": 20}
 """Episodes in a teacher's score, by simulator."""
 
 
-@dataclass(frozen=True)
-class Plan:
-    """All that is decided before a run starts."""
-
-    task: TaskCard
-    method: str
-    seeds: list[int]
-    folder: Path
-    teachers: tuple[Path, ...] = ()
-    acting: tuple[Path, ...] | None = None
-    """Those whose own samples are learned from; all of them where absent."""
-    algorithm: str = "ppo"
-    """Who learns, by its name in `ALGORITHMS`."""
-
-    @property
-    def transfer(self) -> TransferConfig:
-        """What the method leaves of the task's transfer settings."""
-        return METHODS[self.method].apply(self.task.transfer)
-
-    @property
-    def target(self) -> TaskCard:
-        """The task as the method and the algorithm carry it out."""
-        transfer, select = self.transfer, self.task.select
-        if self.algorithm != "ppo":
-            transfer = transfer.model_copy(update={"phases": "ratio"})
-        if select.rule == "auto" and (self.algorithm != "ppo" or not transfer.instance):
-            select = select.model_copy(update={"rule": "zeta"})
-        return self.task.model_copy(update={"transfer": transfer, "select": select})
-
-
 class Experiment:
     """A run while it runs; `run` yields a report after every iteration."""
 
-    def __init__(self, plan: Plan) -> None:
+    def __init__(self, plan: Plan, *, resume: bool = False) -> None:
         """Try the task, make the student, load the teachers, and only then claim the folder.
+
+        Args:
+            plan: what to do.
+            resume: whether the folder holds the beginning of this very run, to go on from.
 
         Raises:
             CardError: the task cannot be rolled out as its card says.
             TeacherMismatch: a teacher does not fit the task.
-            CheckpointError: a teacher's file is damaged.
+            CheckpointError: a teacher's file or the run's own is damaged, or of another run.
             StoreError: the folder exists or cannot be made.
         """
         self.plan, task, method = plan, plan.target, METHODS[plan.method]
@@ -97,38 +69,47 @@ class Experiment:
         self.staff = load_staff(paths, plan.acting, task, spaces, len(plan.seeds), beside)
         if method.warm_start:
             warm_start(student, self.staff, task)
-        self.reports: list[Report] = []
-        self.alarms: list[Alarm] = []
         beside_it = reference_beside(plan.folder, task, plan.algorithm)
         self.reference = beside_it if self.staff.teachers else None
-        self.best_return = float("-inf")
+        self.past = Past()
+        self.notices: list[str] = []
+        """What whoever resumed should know."""
         self._logs: list[Simtrace] = []
-        self._claim_folder()
+        if resume:
+            self.past = find_past(plan, self.staff, self.learner)
+            self.notices = [*self.past.notices, *changed_versions(plan.folder)]
+        else:
+            claim(plan.folder, self._record_of("running"))
 
-    def _claim_folder(self) -> None:
-        folder = self.plan.folder
-        try:
-            folder.mkdir(parents=True)
-        except FileExistsError as error:
-            raise StoreError(f"{folder} exists already; name another with --run") from error
-        except OSError as error:
-            raise StoreError(f"cannot make {folder}: {error.strerror}") from error
-        self._write_record("running")
-        write_text(folder / "metrics.csv", ",".join(COLUMNS) + "\n")
-        if isinstance(self.plan.task.env, RacerEnv):
-            self._logs = [
-                Simtrace(path, self.plan.task) for path in log_folders(folder, self.plan.seeds)
-            ]
+    @property
+    def alarms(self) -> list[Alarm]:
+        """What looked wrong, iteration by iteration."""
+        return self.past.alarms
+
+    @property
+    def newest_alarms(self) -> list[Alarm]:
+        """What looked wrong in the last iteration."""
+        return [alarm for alarm in self.alarms if alarm.iteration == self.learner.iteration]
 
     def run(self) -> Iterator[Report]:
         """Train, evaluate, record and checkpoint, one iteration at a time.
 
         Whenever this stops, also by Ctrl-C, the last finished iteration is on disk.
+
+        Raises:
+            StoreError: another process is at this run, or the disk is full.
         """
-        started, state = perf_counter(), "interrupted"
-        learner, task = self.learner, self.plan.target
+        with alone_in(self.plan.folder):
+            yield from self._run()
+
+    def _run(self) -> Iterator[Report]:
+        learner, task, folder = self.learner, self.plan.target, self.plan.folder
+        started, state = perf_counter() - self.past.seconds, "interrupted"
+        self._open_logs()
+        forget_after(folder, learner.iteration, len(learner.seeds))
+        self._write_record("running")
         try:
-            if task.automatic and self.staff.teachers:
+            if task.automatic and self.staff.teachers and not learner.measured:
                 measure(task, learner, self.staff.teachers)
             for stats in ALGORITHMS[self.plan.algorithm](task, learner, self.staff.teachers):
                 k = stats.iteration
@@ -140,26 +121,49 @@ class Experiment:
                 yield report
             state = "finished"
         finally:
-            if self.reports and state != "finished":  # forget a half-done iteration
-                checkpoint.load_learner(self.plan.folder / CHECKPOINT, learner)
-            self._write_record(state, seconds=round(perf_counter() - started, 1))
+            self.past.seconds = perf_counter() - started
+            if state != "finished":
+                self._forget_half_done()
+            self._write_record(state)
 
     def _record(self, report: Report) -> None:
-        folder = self.plan.folder
+        """Put an iteration on disk; it counts once its checkpoint is there, the last of all."""
+        folder, past, k = self.plan.folder, self.past, report.stats.iteration
         for s, log in enumerate(self._logs):
             self._log_drives(log, report, s)
-        checkpoint.save_learner(folder / CHECKPOINT, self.learner, {"task": self.plan.task.name})
+        if has_paths(self.plan.task):
+            evaluations.keep(folder, k, report.evaluation)
         rows = [
             row | {"seed": seed} for row, seed in zip(report.rows, self.plan.seeds, strict=True)
         ]
         append_csv(folder / "metrics.csv", rows)
-        self.alarms += alarms_of(report, self.reports, self.reference, self.plan.target.select.rule)
-        self.reports.append(replace(report, stats=replace(report.stats, rollout=None)))
+        past.alarms += alarms_of(report, past.returns, self.reference, self.plan.target.select.rule)
         means = report.evaluation.returns.mean(1)
         s = int(means.argmax())
-        if means[s] > self.best_return:
+        if means[s] > past.best_return:
             zoo.add(self.learner.student, s, self._card(BEST, s), folder)
-            self.best_return = float(means[s])
+            past.best_return = float(means[s])
+        past.see(report.evaluation.returns, report.seconds, [log.position for log in self._logs])
+        save_checkpoint(self.plan, self.staff, self.learner, past)
+
+    def _forget_half_done(self) -> None:
+        """Go back to the last iteration that is on disk as a whole."""
+        if (self.plan.folder / CHECKPOINT).is_file():
+            seconds = self.past.seconds
+            self.past = find_past(self.plan, self.staff, self.learner)
+            self.past.seconds = seconds
+        else:
+            self.learner.iteration = 0  # what it has learned is nowhere
+        with suppress(RepaintError):  # a full disk, say; whoever resumes does it again
+            forget_after(self.plan.folder, self.learner.iteration, len(self.plan.seeds))
+
+    def _open_logs(self) -> None:
+        if not isinstance(self.plan.task.env, RacerEnv):
+            return
+        places = log_folders(self.plan.folder, self.plan.seeds)
+        self._logs = [Simtrace(path, self.plan.task, resumed=True) for path in places]
+        for log, position in zip(self._logs, self.past.logs or [START] * len(places), strict=True):
+            log.go_back(self.learner.iteration, position)
 
     def _log_drives(self, log: Simtrace, report: Report, s: int) -> None:
         """Log how a seed's car drove, in training and evaluation."""
@@ -169,29 +173,22 @@ class Experiment:
             log.train(stats.iteration, driven(stats.rollout, env, s))
         log.evaluate(stats.iteration, played(report.evaluation, env, s))
 
-    def _write_record(self, state: str, **more: Any) -> None:
-        plan = self.plan
-        record = {
-            "schema_version": 2,
+    def _record_of(self, state: str) -> dict[str, Any]:
+        """Return run.json."""
+        return {
+            "schema_version": 3,
             "state": state,
-            "algorithm": plan.algorithm,
-            "method": plan.method,
+            **self.plan.record(),
             "teachers": self.staff.record,
-            "automatic": plan.target.automatic and bool(self.staff.teachers),
-            "seeds": plan.seeds,
-            "task": plan.task.model_dump(mode="json"),
-            "transfer": plan.transfer.model_dump(mode="json"),
+            "automatic": self.plan.target.automatic and bool(self.staff.teachers),
             "versions": versions(),
-            "iterations": len(self.reports),
+            "iterations": self.learner.iteration,
+            "seconds": round(self.past.seconds, 1),
             "alarms": [alarm.record() for alarm in self.alarms],
-        } | more
-        write_text(plan.folder / "run.json", json.dumps(record, indent=2) + "\n")
+        }
 
-    @property
-    def newest_alarms(self) -> list[Alarm]:
-        """What looked wrong in the last iteration."""
-        last = self.reports[-1].stats.iteration if self.reports else 0
-        return [alarm for alarm in self.alarms if alarm.iteration == last]
+    def _write_record(self, state: str) -> None:
+        write_text(self.plan.folder / "run.json", as_json(self._record_of(state)))
 
     def policies(self) -> list[Path]:
         """Write each seed's last policy as a teacher file of its own; return where they are."""
@@ -200,11 +197,15 @@ class Experiment:
             for s, seed in enumerate(self.plan.seeds)
         ]
 
-    def best_teacher(self, name: str, folder: Path) -> Path:
-        """Score the best evaluated policy on fresh seeds and write it as a teacher."""
+    def best_teacher(self, name: str, folder: Path, replace: bool) -> Path:
+        """Score the best evaluated policy on fresh seeds and write it as a teacher.
+
+        Raises:
+            StoreError: somebody else's has that name by now; the policy is in the run's folder.
+        """
         network, card = zoo.load_teacher(self.plan.folder / f"{BEST}.safetensors")
         scored = {"name": name, "score": score(network, self.plan.task, card.seed)}
-        return zoo.add(network, 0, card.model_copy(update=scored), folder)
+        return zoo.add(network, 0, card.model_copy(update=scored), folder, replace=replace)
 
     def _card(self, name: str, s: int) -> zoo.TeacherCard:
         spaces = self.learner.student.spaces
@@ -246,6 +247,18 @@ def versions() -> dict[str, str]:
         except PackageNotFoundError:
             continue
     return found
+
+
+def changed_versions(folder: Path) -> list[str]:
+    """Return what to say where a run goes on with other libraries than it began with."""
+    theirs, ours = read_run(folder).record["versions"], versions()
+    changed = [
+        f"{name} {theirs.get(name)} → {ours.get(name)}"
+        for name in sorted(theirs.keys() | ours.keys())
+        if theirs.get(name) != ours.get(name)
+    ]
+    said = f"the run goes on with other versions ({', '.join(changed)}): not bit for bit"
+    return [said] if changed else []
 
 
 def stamp() -> str:

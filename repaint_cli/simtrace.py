@@ -9,7 +9,7 @@ model/model_metadata.json  ip/hyperparameters.json  reward_function.py
 import csv
 import io
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from time import time
 from typing import Any
@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 
 from repaint_cli.deepracer import hyperparameters, model_metadata
-from repaint_cli.errors import StoreError
-from repaint_cli.files import write_text
+from repaint_cli.errors import CheckpointError, StoreError
+from repaint_cli.files import as_json, write_text
 from repaint_cli.simulators import RacerEnv, load_track
 from repaint_cli.tasks import TaskCard
 from repaint_cli.traces import Trace
@@ -32,16 +32,20 @@ COLUMNS = (
 
 TRAINING, METRICS = "training-simtrace", "metrics/TrainingMetrics.json"
 
+START: Mapping[str, float] = {"clock": 0.0, "episodes": 0, "noted": 0}
+"""How far a log is before anything was driven."""
+
 
 class Simtrace:
     """One car's log folder; its clock runs on from episode to episode, in simulated seconds."""
 
-    def __init__(self, folder: Path, task: TaskCard) -> None:
+    def __init__(self, folder: Path, task: TaskCard, *, resumed: bool = False) -> None:
         """Write what does not change; the folder may hold earlier logs of the same settings.
 
         Args:
             folder: where.
             task: a racing task.
+            resumed: whether the folder is the task's own, as `go_back` needs it.
 
         Raises:
             StoreError: the folder cannot be written, or holds logs of other settings.
@@ -55,7 +59,36 @@ class Simtrace:
         self._length = load_track(task.env.track).length
         self._clock, self._episodes = 0.0, 0
         self._metrics: list[dict[str, Any]] = []
-        self._write_settings(task, task.env)
+        self._write_settings(task, task.env, resumed)
+
+    @property
+    def position(self) -> dict[str, float]:
+        """How far the log is, for `go_back`."""
+        return {"clock": self._clock, "episodes": self._episodes, "noted": len(self._metrics)}
+
+    def go_back(self, k: int, position: Mapping[str, float]) -> None:
+        """Forget what was logged after iteration k, when the log was at `position`.
+
+        Raises:
+            CheckpointError: its metrics are damaged.
+        """
+        path, noted = self.folder / METRICS, int(position["noted"])
+        try:
+            text = path.read_text(encoding="utf-8") if noted else '{"metrics": []}'
+            metrics = json.loads(text)["metrics"][:noted]
+        except (OSError, ValueError, LookupError, TypeError) as error:
+            raise CheckpointError(f"{path} is damaged: {error}") from error
+        if len(metrics) < noted:
+            raise CheckpointError(
+                f"{path} is damaged: expected {noted} episodes after iteration {k}"
+            )
+        self._metrics, self._clock = metrics, position["clock"]
+        self._episodes = int(position["episodes"])
+        for file in (self.folder / TRAINING).glob("*-iteration.csv"):
+            if int(file.name.partition("-")[0]) >= k:
+                file.unlink()
+        if noted:
+            self._write_metrics()
 
     def train(self, k: int, traces: Sequence[Trace]) -> None:
         """Log the training episodes of iteration k, from 1.
@@ -104,16 +137,16 @@ class Simtrace:
         except (OSError, ValueError, LookupError, TypeError):
             return (self.folder / TRAINING).is_dir()
 
-    def _write_settings(self, task: TaskCard, env: RacerEnv) -> None:
+    def _write_settings(self, task: TaskCard, env: RacerEnv, known: bool) -> None:
         deep = len(task.net.eyes.layers) > 3
         texts = {
-            "model/model_metadata.json": _json(model_metadata(env.actions, env.sensors, deep)),
-            "ip/hyperparameters.json": _json(hyperparameters(task.ppo)),
+            "model/model_metadata.json": as_json(model_metadata(env.actions, env.sensors, deep)),
+            "ip/hyperparameters.json": as_json(hyperparameters(task.ppo)),
             "reward_function.py": task.reward_code.source if task.reward_code else None,
         }
         for place, text in texts.items():
             path = self.folder / place
-            used = (self.folder / TRAINING).is_dir()
+            used = (self.folder / TRAINING).is_dir() and not known
             if used and (path.read_text(encoding="utf-8") if path.is_file() else None) != text:
                 raise StoreError(
                     f"{self.folder} holds logs of other settings: its {place} differs; "
@@ -165,11 +198,7 @@ class Simtrace:
 
     def _write_metrics(self) -> None:
         data = {"metrics": self._metrics, "version": 2.0, "best_model_metric": "progress"}
-        write_text(self.folder / METRICS, _json(data))
-
-
-def _json(data: dict[str, Any]) -> str:
-    return json.dumps(data, indent=2) + "\n"
+        write_text(self.folder / METRICS, as_json(data))
 
 
 def log_folders(run: Path, seeds: Sequence[int]) -> list[Path]:

@@ -62,7 +62,14 @@ def load_staff(
     for path, card, act in zip(paths, cards, acts, strict=True):
         network, _ = zoo.load_teacher(path, seeds)
         teachers.append(Teacher(network, act, _weights(card, task), cosine(card.task, task)))
-        record.append({"name": card.name, "sha256": sha256(path), "instances": act})
+        record.append(
+            {
+                "name": card.name,
+                "sha256": sha256(path),
+                "instances": act,
+                "file": str(path.absolute()),
+            }
+        )
     return Staff(tuple(cards), tuple(teachers), tuple(record))
 
 

@@ -10,7 +10,7 @@ from pydantic import ValidationError, model_validator
 
 from repaint_cli.config import Settings
 from repaint_cli.errors import CheckpointError, NotFound, StoreError, TeacherMismatch
-from repaint_cli.files import read_header
+from repaint_cli.files import read_hash, read_header
 from repaint_cli.paths import shipped, user_zoo
 from repaint_cli.tasks import TaskCard
 
@@ -148,17 +148,36 @@ def load_teacher(path: Path, n_seeds: int = 1) -> "tuple[ActorCritic, TeacherCar
     return network, card
 
 
-def add(network: "ActorCritic", seed_number: int, card: TeacherCard, folder: Path) -> Path:
+def add(
+    network: "ActorCritic",
+    seed_number: int,
+    card: TeacherCard,
+    folder: Path,
+    *,
+    replace: bool = True,
+) -> Path:
     """Write one seed's networks and their card as a teacher file; return where it is.
 
+    Args:
+        network: S policies and critics.
+        seed_number: which of them, from 0.
+        card: what it is.
+        folder: where to.
+        replace: whether it may replace another file of its name; the very same may always stay.
+
     Raises:
-        StoreError: the name cannot be a file's, or the folder cannot be written.
+        StoreError: the name cannot be a file's, or is taken, or the folder cannot be written.
     """
-    from repaint_cli.checkpoint import policy_tensors, save
+    from repaint_cli.checkpoint import content_hash, policy_tensors, save
 
     check_name(card.name)
     path = folder / f"{card.name}.safetensors"
-    save(path, policy_tensors(network, seed_number), card.model_dump(mode="json"))
+    tensors, header = policy_tensors(network, seed_number), card.model_dump(mode="json")
+    try:
+        save(path, tensors, header, new=not replace)
+    except StoreError:
+        if not path.is_file() or read_hash(path) != content_hash(tensors, header):
+            raise
     return path
 
 

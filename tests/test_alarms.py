@@ -63,7 +63,7 @@ def test_a_teacher_that_earns_less_than_the_student(theirs, own, alarm):
     ("now", "promised", "alarm"), [(5.0, 1.0, True), (9.0, 1.0, False), (5.0, -1.0, False)]
 )
 def test_a_promise_of_the_critic_that_did_not_come_true(now, promised, alarm):
-    before = [report(3, [(9.0, 11.0)])]  # 10 ± ½·√2, and now the same: more than 2 is no chance
+    before = [np.array([(9.0, 11.0)])]  # 10 ± ½·√2, and now the same: more than 2 is no chance
     found = said(4, [(now - 1, now + 1)], before=before, **QUIET, kept_advantage=[promised])
     assert [kind for kind, _ in found] == ["worse-than-promised"] * alarm
     assert not said(1, [(0.0, 0.0)], **QUIET, kept_advantage=[promised])
@@ -74,7 +74,8 @@ def test_three_iterations_in_a_row_under_scratch():
     reports = [report(k, [(own, own)]) for k, own in enumerate((4.0, 5.5, 4.0, 4.0, 4.0), 1)]
 
     def kinds(k):
-        found = alarms_of(reports[k - 1], reports[: k - 1], reference)
+        before = [earlier.evaluation.returns for earlier in reports[: k - 1]]
+        found = alarms_of(reports[k - 1], before, reference)
         return [alarm.kind for alarm in found]
 
     assert [kinds(k) for k in (1, 2, 3, 4)] == [[], [], [], []]

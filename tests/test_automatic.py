@@ -14,7 +14,7 @@ from repaint_cli.learn.automatic import Measured, mean_and_error
 from repaint_cli.learn.teachers import transfer_instances
 from repaint_cli.learn.trainer import train
 from repaint_cli.methods import METHODS
-from repaint_cli.runs import Plan
+from repaint_cli.plans import Plan
 
 
 def returns(*means, spread=0.0, n=4):

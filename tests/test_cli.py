@@ -17,7 +17,8 @@ from repaint_cli.cli import examine, screen
 from repaint_cli.cli.app import app
 from repaint_cli.cli.options import parse_ratio, seed_list
 from repaint_cli.errors import RenderError
-from repaint_cli.runs import Experiment, Plan
+from repaint_cli.plans import Plan
+from repaint_cli.runs import Experiment
 from repaint_cli.spaces import Spaces
 
 SCRATCH = ["transfer", "--task", "reacher", "--method", "scratch", *QUICK]

@@ -13,6 +13,7 @@ from test_files import full_disk
 from tiny_runs import QUICK, add_teacher, files_below
 
 from repaint_cli import errors, files
+from repaint_cli.checkpoint import load, save
 from repaint_cli.cli.app import main
 from repaint_cli.spaces import Spaces
 
@@ -46,7 +47,7 @@ def check(repaint, home, words, code, message):
     assert said.code == code
     assert files_below(home) == before
     folders = {path.name for path in home.rglob("*") if path.is_dir()}
-    assert folders <= {"home", "zoo", "run"}
+    assert folders <= {"home", "zoo", "run", "evaluations"}
 
 
 NAMES = [
@@ -264,8 +265,15 @@ def make_foreign(path):
 
 
 def make_nan(path):
-    data = path.read_bytes()
-    path.write_bytes(data[:-4] + b"\xff\xff\xff\xff")
+    tensors, header = load(path)
+    tensors["policy.head.bias"][0] = float("nan")
+    save(path, tensors, header)
+
+
+def flip_last(path):
+    data = bytearray(path.read_bytes())
+    data[-1] ^= 1
+    path.write_bytes(data)
 
 
 DAMAGES = [
@@ -273,6 +281,7 @@ DAMAGES = [
     (flip, "is not a whole safetensors file .*; copy or train it again"),
     (lambda path: path.write_bytes(b""), "is not a whole safetensors file"),
     (make_foreign, "was not written by repaint: its header has no 'repaint' JSON"),
+    (flip_last, "is not what was written: its sha256 does not match; copy or train it again"),
     (make_nan, "leaf '.*' holds numbers that are not finite"),
 ]
 USES = [
@@ -303,7 +312,7 @@ def test_a_learners_checkpoint_is_no_teacher(repaint, home):
 
 STORES = [
     ([*SCRATCH, *QUICK, "--run", "run"], "run exists already; name another with --run"),
-    ([*SCRATCH, *QUICK, "--run", "file/run"], "cannot make file/run: Not a directory"),
+    ([*SCRATCH, *QUICK, "--run", "file/run"], "cannot make file/run: file is no folder"),
     (["train-teacher", "--task", "reacher", "--name", "old-hand"],
      "your zoo has a teacher 'old-hand' already; give another --name, or --replace it"),
     (["train-teacher", "--task", "reacher", "--name", "a/b"], "expected a teacher's name of"),
@@ -331,7 +340,7 @@ def test_a_full_disk(repaint, home):
     with full_disk(20_000):
         said = repaint(*SCRATCH, *QUICK, "--run", "run")
     assert said.code == STORE
-    assert re.fullmatch(r"error: cannot write run/checkpoint.safetensors: .*\n", said.err)
+    assert re.fullmatch(r"error: cannot write run/best.safetensors: .*\n", said.err)
     assert set(files_below(home)) == {"run/metrics.csv", "run/run.json"}
     assert json.loads((home / "run" / "run.json").read_text())["iterations"] == 0
 

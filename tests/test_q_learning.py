@@ -12,10 +12,10 @@ from repaint_cli.learn.frames import Frames
 from repaint_cli.learn.q_learning import (
     Experience,
     _experience,
-    _Memory,
     epsilon,
     epsilon_greedy,
     q_loss,
+    remembered,
     train,
 )
 
@@ -97,11 +97,11 @@ def test_epsilon_greedy_takes_the_best_and_otherwise_any():
 
 def test_memory_keeps_each_seeds_newest_and_what_they_saw():
     task = guess(n_episodes=6)
-    learner, memory, made = learner_of(task, [0, 1]), _Memory(60), []
+    learner, kept, made = learner_of(task, [0, 1]), None, []
     for k in range(1, 6):
         rollout = learner.act(task, k)
         made.append(_experience(task, rollout, from_teacher=k % 2 == 0))
-        kept = memory.add([made[-1]])
+        kept = remembered(kept, [made[-1]], 60)
     whole = Experience.together(made)
     assert kept.counts.tolist() == [60, 60]
     for s, n in enumerate(whole.counts.tolist()):

@@ -15,9 +15,9 @@ import torch
 from gymnasium.spaces import Box
 from tiny_runs import QUICK, QUICK_LAP, add_teacher, files_below, weights_of
 
-from repaint_cli import runs
+from repaint_cli import past, runs
 from repaint_cli.cards import read_task
-from repaint_cli.checkpoint import load, load_networks
+from repaint_cli.checkpoint import load
 from repaint_cli.cli.tasks import to_toml
 from repaint_cli.errors import CardError, CheckpointError, DivergedError, NotFound
 from repaint_cli.evaluate import spaces_of
@@ -27,12 +27,14 @@ from repaint_cli.learn.dense import Place
 from repaint_cli.learn.optimizer import RowAdam
 from repaint_cli.metrics import COLUMNS
 from repaint_cli.nets import ActorCritic
+from repaint_cli.plans import Plan
+from repaint_cli.snapshot import load_networks
 from repaint_cli.tasks import TaskCard
 
 SCRATCH = ["transfer", "--method", "scratch", "--task", "reacher", "--run", "run", *QUICK]
 ALWAYS = {
     "run.json", "metrics.csv", "checkpoint.safetensors", "best.safetensors",
-    "curves.png", "trajectories.png",
+    "curves.png", "trajectories.png", "evaluations",
 }  # fmt: skip
 
 
@@ -69,7 +71,7 @@ def test_a_transfer_writes_all_it_says_and_says_all_it_writes(repaint, home):
 
     record = record_of(folder)
     assert record["teachers"] == [
-        {"name": "old-hand", "sha256": sha256(teacher), "instances": True}
+        {"name": "old-hand", "sha256": sha256(teacher), "instances": True, "file": str(teacher)}
     ]
     assert record["seeds"] == [5, 6]
     assert (record["state"], record["iterations"]) == ("finished", 2)
@@ -130,7 +132,7 @@ def test_a_students_file_names_its_teachers_hash_and_is_a_teacher(repaint, home)
 def test_an_interruption_before_the_first_iteration_is_on_record(home, monkeypatch):
     path = add_teacher(home / "home" / "zoo")
     card = read_task("reacher").with_settings(["transfer.phases=auto", "eval.episodes=2"])
-    experiment = runs.Experiment(runs.Plan(card, "repaint", [0], home / "run", (path,)))
+    experiment = runs.Experiment(Plan(card, "repaint", [0], home / "run", (path,)))
 
     def interrupt(*args):
         raise KeyboardInterrupt
@@ -217,7 +219,7 @@ def test_ctrl_c_keeps_the_last_finished_iteration(repaint, home, monkeypatch, du
     assert said.code == 130
     assert "interrupted after iteration 2" in said.out
     assert {home / path for path in written(said)} == set((home / "run").iterdir())
-    assert said.out.splitlines()[-1] == "next: repaint eval run --render-offscreen"
+    assert said.out.splitlines()[-1] == "next: repaint transfer --resume run"
     assert said.err == ""
     assert load(home / "run" / "checkpoint.safetensors")[1]["iteration"] in (2, 3)
     assert (record_of(home / "run")["state"], len(rows_of(home / "run"))) == ("interrupted", 2)
@@ -332,7 +334,7 @@ def test_weights_that_diverge_stop_the_run_and_keep_the_last_good_checkpoint(
 
 
 def test_a_checkpoint_that_cannot_be_written_leaves_the_last_one(repaint, home, monkeypatch):
-    real, before = runs.checkpoint.save_learner, {}
+    real, before = past.save_learner, {}
 
     def fails_the_second_time(path, *rest):
         if path.exists():
@@ -343,12 +345,16 @@ def test_a_checkpoint_that_cannot_be_written_leaves_the_last_one(repaint, home, 
     def no_space(_):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(runs.checkpoint, "save_learner", fails_the_second_time)
+    monkeypatch.setattr(past, "save_learner", fails_the_second_time)
     said = repaint(*SCRATCH)
     assert said.code == 7
     assert said.err.startswith("error: cannot write run/")
     assert said.err.endswith("No space left on device\n")
-    assert files_below(home / "run") == before
+    assert said.out.endswith("once there is room again: repaint transfer --resume run\n")
+    after = files_below(home / "run")
+    assert len(rows_of(home / "run")) == 1  # as many as the checkpoint has iterations
+    changed = {name for name in before.keys() | after if before.get(name) != after.get(name)}
+    assert changed == {"metrics.csv", "evaluations/00002.safetensors"}
 
 
 def test_a_missing_checkpoint_is_named(repaint, home):

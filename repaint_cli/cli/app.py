@@ -1,7 +1,9 @@
 """`repaint`: the commands, and the one place where an error becomes a line and an exit code."""
 
 import os
+import signal
 import sys
+from types import FrameType
 from typing import Annotated
 
 import typer
@@ -15,7 +17,7 @@ from repaint_cli.cli.tasks import tasks
 from repaint_cli.cli.train_teacher import train_teacher
 from repaint_cli.cli.transfer import transfer
 from repaint_cli.cli.zoo import zoo
-from repaint_cli.errors import RepaintError
+from repaint_cli.errors import RepaintError, Terminated
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -54,6 +56,7 @@ def about(
 def main() -> None:
     """Run a command; turn what the program can explain into one line on stderr and an exit code."""
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "1")  # looking for some takes a while
+    signal.signal(signal.SIGTERM, _terminate)
     words = [word for word in sys.argv[1:] if word != DEBUG]
     try:
         sys.exit(app(words or ["--help"], standalone_mode=False))
@@ -69,6 +72,11 @@ def main() -> None:
         sys.exit(2)
     except (KeyboardInterrupt, Abort):
         sys.exit(130)
+
+
+def _terminate(number: int, frame: FrameType | None) -> None:
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)  # once is enough: what follows tidies up
+    raise Terminated
 
 
 def _complain(message: str) -> None:

@@ -14,8 +14,9 @@ from repaint_cli.errors import CardError, RepaintError
 from repaint_cli.evaluate import spaces_of
 from repaint_cli.history import read_run
 from repaint_cli.measuring import check_episodes
+from repaint_cli.plans import Plan
 from repaint_cli.report.pictures import draw_run
-from repaint_cli.runs import Experiment, Plan
+from repaint_cli.runs import Experiment
 from repaint_cli.teaching import load_staff
 
 
@@ -89,7 +90,7 @@ def _train(plan: Plan, threads: int | None) -> tuple[Path, RepaintError | None]:
         for _ in experiment.run():
             pass
         experiment.policies()
-        draw_run(read_run(plan.folder), experiment.reports)
+        draw_run(read_run(plan.folder))
     except RepaintError as error:
         return plan.folder, error
     return plan.folder, None

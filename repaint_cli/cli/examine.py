@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from repaint_cli import checkpoint, traces, zoo
+from repaint_cli import traces, zoo
 from repaint_cli.cards import read_task
 from repaint_cli.cli.options import customize, seed_list
 from repaint_cli.cli.played import racing_summary, table
@@ -17,10 +17,12 @@ from repaint_cli.files import check_writable, write_text
 from repaint_cli.history import Run, newest_run, read_run
 from repaint_cli.learn.seeding import Purpose
 from repaint_cli.nets import ActorCritic
+from repaint_cli.past import CHECKPOINT
 from repaint_cli.report.pictures import Colour, draw_trajectories, film
 from repaint_cli.runs import stamp
 from repaint_cli.simtrace import Simtrace
 from repaint_cli.simulators import GymEnv, RacerEnv
+from repaint_cli.snapshot import load_networks
 from repaint_cli.tasks import TaskCard
 
 FILMED = {"gymnasium": 5, "racer": 1}
@@ -87,7 +89,7 @@ def policies(run: Run) -> ActorCritic:
         CheckpointError: its checkpoint is damaged.
     """
     network = ActorCritic(spaces_of(run.task), run.task.net, len(run.record["seeds"]))
-    checkpoint.load_networks(run.folder / "checkpoint.safetensors", network)
+    load_networks(run.folder / CHECKPOINT, network)
     return network
 
 

@@ -15,6 +15,9 @@ if TYPE_CHECKING:
 Task = Annotated[
     str, typer.Option(help="A task's name (repaint tasks list) or a card of your own.")
 ]
+TaskUnlessResumed = Annotated[
+    str | None, typer.Option(help="A task's name (repaint tasks list) or a card of your own.")
+]
 Iterations = Annotated[
     int | None, typer.Option(help="Iterations of training; default: the card's.")
 ]
@@ -35,6 +38,11 @@ Preset = Annotated[
     str | None,
     typer.Option(help="Choices with a name; coach: the paper's framework's. Others outrank it."),
 ]
+Resume = Annotated[
+    Path | None,
+    typer.Option(metavar="RUN", help="Go on with a run that stopped, or for more --iterations."),
+]
+Keep = Annotated[int, typer.Option(help="Checkpoints to keep, the newest ones.", min=1)]
 RunFolder = Annotated[
     Path | None, typer.Option("--run", help="The run's folder; default: runs/TASK/METHOD-…")
 ]
@@ -81,6 +89,31 @@ def seed_list(first: int, how_many: int) -> list[int]:
             f"expected --seeds of at least 1 and --seed of at least 0, found {how_many} and {first}"
         )
     return list(range(first, first + how_many))
+
+
+def check_alone(context: typer.Context, *allowed: str) -> None:
+    """Check that beside --resume only options stand that do not change what the run is.
+
+    Raises:
+        CardError: another is there.
+    """
+    for name in context.params:
+        source = context.get_parameter_source(name)
+        if source is not None and source.name == "COMMANDLINE" and name not in ("resume", *allowed):
+            raise CardError(
+                f"a run goes on as it began: leave out --{name.replace('_', '-')} beside --resume"
+            )
+
+
+def task_named(name: str | None) -> str:
+    """Return the task's name.
+
+    Raises:
+        CardError: there is none, and nothing to resume.
+    """
+    if name is None:
+        raise CardError("expected --task NAME (repaint tasks list), or --resume RUN")
+    return name
 
 
 def refuse(needed: str, **given: object) -> None:

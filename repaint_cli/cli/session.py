@@ -1,19 +1,26 @@
 """What training commands share: check names, train under a screen, draw, say what was written."""
 
+import dataclasses
+import shlex
 from collections.abc import Sequence
 from contextlib import nullcontext
 from pathlib import Path
 
-from repaint_cli import zoo
+from rich.markup import escape
+
+from repaint_cli import evaluations, zoo
 from repaint_cli.cli.screen import Screen, out
-from repaint_cli.errors import CardError, NotFound, StoreError
+from repaint_cli.errors import CardError, NotFound, StoreError, Terminated
+from repaint_cli.evaluate import has_paths
 from repaint_cli.files import check_writable
 from repaint_cli.history import read_run
 from repaint_cli.methods import METHODS
+from repaint_cli.past import CHECKPOINT
 from repaint_cli.paths import user_zoo
+from repaint_cli.plans import Plan, plan_of
 from repaint_cli.report.events import Events, require_tensorboard
 from repaint_cli.report.pictures import draw_run
-from repaint_cli.runs import BEST, CHECKPOINT, Experiment, Plan, stamp
+from repaint_cli.runs import BEST, Experiment, stamp
 from repaint_cli.simtrace import log_folders
 from repaint_cli.simulators import RacerEnv
 
@@ -71,48 +78,111 @@ def find_acting(names: Sequence[str] | None, teachers: Sequence[Path]) -> tuple[
     return acting
 
 
-def carry_out(plan: Plan, tensorboard: bool, teacher: tuple[str, Path] | None = None) -> None:
+def plan_again(
+    folder: Path,
+    iterations: int | None,
+    teacher_name: str | None = None,
+    replace: bool = False,
+    *,
+    for_teacher: bool = False,
+) -> Plan:
+    """Return the plan of a run that is to go on, perhaps for more iterations.
+
+    Args:
+        folder: of the run.
+        iterations: how many in all; as planned where absent.
+        teacher_name: another name for the teacher that it trains.
+        replace: whether that may replace one in the zoo.
+        for_teacher: whether it is to be a run of train-teacher, or else one of transfer.
+
+    Raises:
+        NotFound: there is no such run, or its teacher is gone.
+        CheckpointError: its files are damaged or of another version.
+        TeacherMismatch: its teacher is another one now.
+        CardError: it is a run of the other command, or has more iterations already.
+        StoreError: the teacher's name is taken.
+    """
+    run = read_run(folder)
+    plan = plan_of(run.record, run.task, folder)
+    if (plan.teacher_name is not None) != for_teacher:
+        raise CardError(f"{folder} was begun otherwise; go on with: {resuming(plan)}")
+    done = run.returns.shape[1]
+    if iterations is not None:
+        if iterations < done:
+            raise CardError(
+                f"expected --iterations of at least {done}, which {folder} has, found {iterations}"
+            )
+        plan = plan.for_iterations(iterations)
+    if not for_teacher:
+        return plan
+    name, may = teacher_name or plan.teacher_name or "", replace or plan.replace
+    if done < plan.task.ppo.n_iterations:
+        new_teacher_name(name, may)
+    return dataclasses.replace(plan, teacher_name=name, replace=may)
+
+
+def resuming(plan: Plan) -> str:
+    """Return the command that goes on with a run."""
+    command = "transfer" if plan.teacher_name is None else "train-teacher"
+    return f"repaint {command} --resume {shlex.quote(str(plan.folder))}"
+
+
+def carry_out(plan: Plan, tensorboard: bool, *, resume: bool = False) -> None:
     """Train as planned, then draw, write teachers and say what was written.
 
     Ctrl-C ends the training early; what was finished is drawn and named all the same, and the exit
-    code is 130.
+    code is 130. SIGTERM draws nothing; the exit code is 143.
 
     Args:
         plan: what to do.
         tensorboard: whether to write events too.
-        teacher: the name and the zoo under which to keep the best evaluated policy.
+        resume: whether the plan's folder holds the beginning of it.
     """
     if tensorboard:
         require_tensorboard()
-    experiment = Experiment(plan)
-    events = Events(plan.folder / "tensorboard", plan.seeds) if tensorboard else nullcontext()
-    interrupted = False
+    experiment = Experiment(plan, resume=resume)
+    for notice in experiment.notices:
+        out.print(f"[yellow]warning:[/yellow] {escape(notice)}")
+    interruption = _train(experiment, tensorboard)
+    written = [plan.folder / name for name in ("run.json", "metrics.csv", CHECKPOINT)]
+    written += [plan.folder / f"{BEST}.safetensors", *experiment.policies()]
+    following = f"repaint eval {shlex.quote(str(plan.folder))} --render-offscreen"
+    if plan.teacher_name and not interruption:  # before anything that might fail
+        written.append(experiment.best_teacher(plan.teacher_name, user_zoo(), plan.replace))
+        if not plan.task.reward_code:  # which is never run from a teacher's file
+            following = f"repaint eval {plan.teacher_name} --render-offscreen"
+    written += draw_run(read_run(plan.folder))
+    if has_paths(plan.task):
+        written.append(plan.folder / evaluations.FOLDER)
+    if isinstance(plan.task.env, RacerEnv):
+        written += log_folders(plan.folder, plan.seeds)
+    written += [plan.folder / "tensorboard"] if tensorboard else []
+    say_written(written, resuming(plan) if interruption else following)
+    if interruption:
+        raise interruption
+
+
+def _train(experiment: Experiment, tensorboard: bool) -> KeyboardInterrupt | None:
+    """Train under a screen; return what ended it early, if that left something to draw."""
+    plan, done = experiment.plan, experiment.learner.iteration
+    folder = plan.folder / "tensorboard"
+    events = Events(folder, plan.seeds, done) if tensorboard else nullcontext()
     try:
         with Screen(experiment) as screen, events as watcher:
             for report in experiment.run():
                 screen.show(report, experiment.newest_alarms)
                 if watcher:
                     watcher.add(report)
-    except KeyboardInterrupt:
-        interrupted = True
-        out.print(f"interrupted after iteration {len(experiment.reports)}")
-        if not experiment.reports:
+    except (KeyboardInterrupt, Terminated) as interruption:
+        out.print(f"interrupted after iteration {experiment.learner.iteration}")
+        if isinstance(interruption, Terminated) or not experiment.learner.iteration:
+            out.print(f"next: [bold]{escape(resuming(plan))}[/bold]")
             raise
-    names = ("run.json", "metrics.csv", CHECKPOINT, f"{BEST}.safetensors")
-    written = [plan.folder / name for name in names]
-    written += experiment.policies()
-    following = f"repaint eval {plan.folder} --render-offscreen"
-    if teacher and not interrupted:  # before anything that might fail
-        written.append(experiment.best_teacher(*teacher))
-        if not plan.task.reward_code:  # which is never run from a teacher's file
-            following = f"repaint eval {teacher[0]} --render-offscreen"
-    written += draw_run(read_run(plan.folder), experiment.reports)
-    if isinstance(plan.task.env, RacerEnv):
-        written += log_folders(plan.folder, plan.seeds)
-    written += [plan.folder / "tensorboard"] if tensorboard else []
-    say_written(written, following)
-    if interrupted:
-        raise KeyboardInterrupt
+        return interruption
+    except StoreError:
+        out.print(f"once there is room again: [bold]{escape(resuming(plan))}[/bold]")
+        raise
+    return None
 
 
 def say_written(files: list[Path], following: str) -> None:

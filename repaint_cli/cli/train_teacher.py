@@ -8,7 +8,8 @@ from repaint_cli.cli import options
 
 
 def train_teacher(
-    task: options.Task,
+    context: typer.Context,
+    task: options.TaskUnlessResumed = None,
     name: Annotated[
         str | None, typer.Option(help="The teacher's name; default: the task's.")
     ] = None,
@@ -22,6 +23,8 @@ def train_teacher(
     preset: options.Preset = None,
     settings: options.Set = None,
     run: options.RunFolder = None,
+    keep: options.Keep = 1,
+    resume: options.Resume = None,
     tensorboard: options.TensorBoard = False,
 ) -> None:
     """Train a teacher and put it into your zoo.
@@ -29,12 +32,15 @@ def train_teacher(
     It learns from scratch; its best evaluated policy is kept.
     """
     from repaint_cli.cards import read_task
-    from repaint_cli.cli.session import carry_out, new_folder, new_teacher_name
-    from repaint_cli.paths import user_zoo
-    from repaint_cli.runs import Plan
+    from repaint_cli.cli.session import carry_out, new_folder, new_teacher_name, plan_again
+    from repaint_cli.plans import Plan
 
+    if resume:
+        options.check_alone(context, "iterations", "name", "replace", "tensorboard")
+        plan = plan_again(resume, iterations, name, replace, for_teacher=True)
+        return carry_out(plan, tensorboard, resume=True)
     card = options.customize(
-        read_task(task),
+        read_task(options.task_named(task)),
         settings,
         preset,
         ppo__n_iterations=iterations,
@@ -42,5 +48,8 @@ def train_teacher(
     )
     name = new_teacher_name(name or card.name, replace)
     folder = new_folder(run, card.name, "scratch")
-    plan = Plan(card, "scratch", options.seed_list(seed, seeds), folder)
-    carry_out(plan, tensorboard, teacher=(name, user_zoo()))
+    plan = Plan(
+        card, "scratch", options.seed_list(seed, seeds), folder,
+        teacher_name=name, replace=replace, keep=keep,
+    )  # fmt: skip
+    carry_out(plan, tensorboard)

@@ -14,7 +14,8 @@ METHOD_HELP = "; ".join(f"{name}: {method.summary}" for name, method in METHODS.
 
 
 def transfer(
-    task: options.Task,
+    context: typer.Context,
+    task: options.TaskUnlessResumed = None,
     teacher: Annotated[
         list[str] | None,
         typer.Option(help="A teacher's name (repaint zoo list) or file; again for several."),
@@ -59,6 +60,8 @@ def transfer(
     preset: options.Preset = None,
     settings: options.Set = None,
     run: options.RunFolder = None,
+    keep: options.Keep = 1,
+    resume: options.Resume = None,
     tensorboard: options.TensorBoard = False,
 ) -> None:
     """Transfer a teacher to a new task.
@@ -66,9 +69,18 @@ def transfer(
     With REPAINT, or one of its rivals.
     """
     from repaint_cli.cards import read_task
-    from repaint_cli.cli.session import carry_out, find_acting, find_teachers, new_folder
-    from repaint_cli.runs import Plan
+    from repaint_cli.cli.session import (
+        carry_out,
+        find_acting,
+        find_teachers,
+        new_folder,
+        plan_again,
+    )
+    from repaint_cli.plans import Plan
 
+    if resume:
+        options.check_alone(context, "iterations", "tensorboard")
+        return carry_out(plan_again(resume, iterations), tensorboard, resume=True)
     method = options.method_for(algorithm, method)
     by_q = algorithm == "q-learning"
     options.check_method(
@@ -82,7 +94,7 @@ def transfer(
         if transfer_iterations is None:
             transfer_iterations = AS_LONG_AS_IT_GIVES
     card = options.customize(
-        read_task(task), settings, preset,
+        read_task(options.task_named(task)), settings, preset,
         ppo__n_iterations=iterations, ppo__objective=objective,
         ppo__n_epochs=options.epochs_of(objective), eval__episodes=eval_episodes,
         q_learning__threshold=threshold if by_q else None,
@@ -97,5 +109,7 @@ def transfer(
     parts = [algorithm] * by_q + [method, *(path.stem for path in teachers)]
     folder = new_folder(run, card.name, "-".join(parts))
     acting = find_acting(instances_from, teachers)
-    plan = Plan(card, method, options.seed_list(seed, seeds), folder, teachers, acting, algorithm)
+    plan = Plan(
+        card, method, options.seed_list(seed, seeds), folder, teachers, acting, algorithm, keep=keep
+    )
     carry_out(plan, tensorboard)

@@ -16,7 +16,7 @@ from repaint_cli.learn.rollout import Policy, collect, start
 from repaint_cli.learn.seeding import Purpose, generator
 from repaint_cli.learn.selection import Moments, moments
 from repaint_cli.learn.tape import Rollout
-from repaint_cli.learn.transitions import Transitions
+from repaint_cli.learn.transitions import Experience, Transitions
 from repaint_cli.nets import ActorCritic
 from repaint_cli.tasks import TaskCard
 
@@ -44,6 +44,8 @@ class Learner:
     """Mean return of the episodes of each student's last own rollout, (S,); nan of none."""
     last_batch: Transitions | None = None
     """Each student's last own batch, where teachers' samples are chosen by relevance to it."""
+    memory: Experience | None = None
+    """The replay buffer of Q-learning: each seed's newest transitions."""
     measured: Measured | None = None
     """What automatic transfer goes by; whoever evaluates keeps it up to date."""
     after_instance: bool = False

@@ -62,6 +62,13 @@ class RowAdam:
         return {"first": self.first, "second": self.second, "steps": self.steps}
 
     def load(self, state: dict[str, Tensor]) -> None:
-        """Put moments and step counts in place."""
+        """Put moments and step counts in place.
+
+        Raises:
+            ValueError: they are of another network or other seeds.
+        """
         for name, tensor in self.state().items():
+            if state[name].shape != tensor.shape:
+                found, wanted = tuple(state[name].shape), tuple(tensor.shape)
+                raise ValueError(f"the optimiser's {name} is {found}, wanted {wanted}")
             tensor.copy_(state[name])

@@ -5,7 +5,7 @@ is the best one: it is evaluated, kept and shown like any other. The critic's ne
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from time import perf_counter
 from typing import Any
 
@@ -26,7 +26,7 @@ from repaint_cli.learn.schedules import Phase
 from repaint_cli.learn.tape import Rollout
 from repaint_cli.learn.teachers import Teacher, soften
 from repaint_cli.learn.trainer import IterationStats, finished
-from repaint_cli.learn.transitions import Transitions, flat, transitions
+from repaint_cli.learn.transitions import Experience, flat, transitions
 from repaint_cli.learn.update import Means
 from repaint_cli.nets import ActorCritic
 from repaint_cli.spaces import Spaces
@@ -47,7 +47,7 @@ def train(
     """
     task.check_rollout()
     check(task, learner.student.spaces)
-    memory, target = _Memory(task.q_learning.memory), _twin(learner.student)
+    target = _twin(learner.student)
     for k in range(learner.iteration + 1, task.ppo.n_iterations + 1):
         started, before = perf_counter(), learner.env_steps.copy()
         learner.optimizer.learning_rate = schedules.ppo(k, task.ppo).learning_rate
@@ -56,8 +56,9 @@ def train(
         with telling_where(learner.seeds, f"iteration {k}"):
             rollout, watched = _act(task, learner, k, acting)
             made = [(rollout, False), *((one, True) for one in watched)]
-            kept = memory.add([_experience(task, *pair) for pair in made])
-            numbers = _learn(task, learner, kept, target, k, selecting=bool(acting))
+            experience = [_experience(task, *pair) for pair in made]
+            learner.memory = remembered(learner.memory, experience, task.q_learning.memory)
+            numbers = _learn(task, learner, learner.memory, target, k, selecting=bool(acting))
         numbers["episode_return"], numbers["episode_length"] = rollout.mean_episodes()
         numbers["epsilon"] = np.full(len(learner.seeds), epsilon(k, task.q_learning))
         phase: Phase = "instance" if acting else "ppo"
@@ -111,14 +112,6 @@ def epsilon_greedy(student: ActorCritic, epsilon: float) -> Policy:
     return act
 
 
-@dataclass(frozen=True)
-class Experience(Transitions):
-    """Transitions that remember who made them."""
-
-    from_teacher: Tensor
-    """Whether a teacher acted, (S, B) bool."""
-
-
 def _experience(task: TaskCard, rollout: Rollout, from_teacher: bool) -> Experience:
     """Return a rollout's transitions, with who made them."""
     found = transitions(rollout)
@@ -129,28 +122,20 @@ def _experience(task: TaskCard, rollout: Rollout, from_teacher: bool) -> Experie
     return Experience(**vars(found) | {"terminations": over}, from_teacher=who)
 
 
-class _Memory:
-    """The replay buffer: each seed's newest transitions."""
-
-    def __init__(self, size: int) -> None:
-        self._size = size
-        self._all: list[Experience] = []
-
-    def add(self, batches: Sequence[Experience]) -> Experience:
-        """Keep batches, but of each seed no more than its newest; return all of it."""
-        whole = Experience.together([*self._all, *batches])
-        starts = (whole.counts - self._size).clamp(min=0)
-        counts = whole.counts - starts
-        reach = torch.arange(int(counts.max())) + starts.unsqueeze(1)
-        kept = whole.pick(reach.clamp(max=whole.rows.shape[1] - 1), counts)
-        first = kept.rows[:, :1]  # rows grow: what lies before is not looked at any more
-        stores = [
-            each(lambda part, row: part[row:].clone(), store, row)
-            for store, row in zip(kept.frames.stores, first[:, 0].tolist(), strict=True)
-        ]
-        rows, following = ((part - first).clamp(min=0) for part in (kept.rows, kept.next_rows))
-        self._all = [replace(kept, frames=Frames(stores), rows=rows, next_rows=following)]
-        return self._all[0]
+def remembered(memory: Experience | None, batches: Sequence[Experience], size: int) -> Experience:
+    """Return the replay buffer with new batches in it, but of each seed no more than its newest."""
+    whole = Experience.together([*([memory] if memory else []), *batches])
+    starts = (whole.counts - size).clamp(min=0)
+    counts = whole.counts - starts
+    reach = torch.arange(int(counts.max())) + starts.unsqueeze(1)
+    kept = whole.pick(reach.clamp(max=whole.rows.shape[1] - 1), counts)
+    first = kept.rows[:, :1]  # rows grow: what lies before is not looked at any more
+    stores = [
+        each(lambda part, row: part[row:].clone(), store, row)
+        for store, row in zip(kept.frames.stores, first[:, 0].tolist(), strict=True)
+    ]
+    rows, following = ((part - first).clamp(min=0) for part in (kept.rows, kept.next_rows))
+    return replace(kept, frames=Frames(stores), rows=rows, next_rows=following)
 
 
 def _twin(student: ActorCritic) -> ActorCritic:

@@ -32,6 +32,14 @@ class Transitions(Batch):
     """How many are real, (S,) int64."""
 
 
+@dataclass(frozen=True)
+class Experience(Transitions):
+    """Transitions that remember who made them."""
+
+    from_teacher: Tensor
+    """Whether a teacher acted, (S, B) bool."""
+
+
 def flat(rollout: Rollout, array: np.ndarray) -> Tensor:
     """Lay each seed's valid steps in a row, padded with zeros: (T, S, N, …) → (S, B, …)."""
     valid = rollout.valid

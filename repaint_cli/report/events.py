@@ -21,11 +21,12 @@ def require_tensorboard() -> None:
 class Events:
     """Writes the numbers of metrics.csv as scalars, a writer per seed."""
 
-    def __init__(self, folder: Path, seeds: list[int]) -> None:
-        """Open the writers."""
+    def __init__(self, folder: Path, seeds: list[int], done: int = 0) -> None:
+        """Open the writers; what an earlier process wrote of iterations after `done` is void."""
         from torch.utils.tensorboard import SummaryWriter
 
-        self._writers = [SummaryWriter(str(folder / f"seed-{seed}")) for seed in seeds]
+        places = [str(folder / f"seed-{seed}") for seed in seeds]
+        self._writers = [SummaryWriter(place, purge_step=done + 1) for place in places]
 
     def __enter__(self) -> "Events":
         return self

@@ -6,10 +6,10 @@ from typing import Literal
 
 import numpy as np
 
+from repaint_cli import evaluations
 from repaint_cli.evaluate import Episodes
 from repaint_cli.history import Run
 from repaint_cli.learn.frames import parts
-from repaint_cli.metrics import Report
 from repaint_cli.report.curves import plot_curves
 from repaint_cli.report.offscreen import Episode, render_gym
 from repaint_cli.report.racer_film import NOSE, Drive, racer_frames
@@ -29,18 +29,24 @@ PANELS = 6
 """Checkpoints whose trajectories are drawn."""
 
 
-def draw_run(run: Run, reports: Sequence[Report]) -> list[Path]:
+def draw_run(run: Run) -> list[Path]:
     """Draw a run's learning curve and, where the task has paths, its first seed's trajectories."""
     curves = run.folder / "curves.png"
     draw_curves({run.label: run}, curves, title=f"{run.task.name}: {run.label}")
-    if not reports:
-        return [curves]
-    chosen = np.unique(np.linspace(0, len(reports) - 1, PANELS).round().astype(int))
-    panels = [(f"iteration {reports[i].stats.iteration}", reports[i].evaluation) for i in chosen]
-    trajectories = run.folder / "trajectories.png"
     title = f"{run.task.name}: {run.label}, seed {run.record['seeds'][0]}"
-    drawn = draw_trajectories(run.task, panels, trajectories, title)
-    return [curves, *([trajectories] if drawn else []), *_draw_training(run, title)]
+    return [curves, *_draw_evaluations(run, title), *_draw_training(run, title)]
+
+
+def _draw_evaluations(run: Run, title: str) -> list[Path]:
+    """Draw where some of the evaluations led."""
+    kept = evaluations.kept(run.folder)
+    if not kept:
+        return []
+    chosen = np.unique(np.linspace(0, len(kept) - 1, PANELS).round().astype(int))
+    ks = [kept[i] for i in chosen]
+    panels = [(f"iteration {k}", evaluations.read(run.folder, k)) for k in ks]
+    trajectories = run.folder / "trajectories.png"
+    return [trajectories] if draw_trajectories(run.task, panels, trajectories, title) else []
 
 
 def _draw_training(run: Run, title: str) -> list[Path]:

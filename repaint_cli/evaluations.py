@@ -1,0 +1,67 @@
+"""How evaluations of the first seed went, a file each in the run's folder, for the pictures."""
+
+from dataclasses import fields
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from repaint_cli.checkpoint import load, save
+from repaint_cli.errors import CheckpointError
+from repaint_cli.evaluate import Episodes
+
+FOLDER = "evaluations"
+
+DRAWN = ("speed", "progress", "status")
+"""What pictures show of a car's state beside its place."""
+
+
+def keep(run: Path, k: int, played: Episodes) -> None:
+    """Write the first seed's part of the evaluation after iteration k.
+
+    Raises:
+        StoreError: the folder cannot be written.
+    """
+    first = played.of_seed(0)
+    arrays = {
+        part.name: value
+        for part in fields(first)
+        if isinstance(value := getattr(first, part.name), np.ndarray)
+    }
+    arrays |= {f"records/{name}": first.records[name] for name in DRAWN if name in first.records}
+    tensors = {name: torch.from_numpy(np.ascontiguousarray(a)) for name, a in arrays.items()}
+    save(_file(run, k), tensors, {"iteration": k, "env_seeds": first.env_seeds})
+
+
+def kept(run: Path) -> list[int]:
+    """Return the iterations whose evaluations are kept, in order."""
+    files = (run / FOLDER).glob("[0-9]*.safetensors")
+    return sorted(int(path.stem) for path in files if path.stem.isdecimal())
+
+
+def forget_after(run: Path, k: int) -> None:
+    """Remove the evaluations after iteration k."""
+    for later in kept(run):
+        if later > k:
+            _file(run, later).unlink()
+
+
+def read(run: Path, k: int) -> Episodes:
+    """Return what `keep` was given of the first seed.
+
+    Raises:
+        CheckpointError: the file is absent or damaged.
+    """
+    tensors, header = load(_file(run, k), finite=False)
+    arrays = {name: tensor.numpy() for name, tensor in tensors.items()}
+    named = {part.name for part in fields(Episodes)}
+    records = {n.removeprefix("records/"): a for n, a in arrays.items() if n.startswith("records/")}
+    rest = dict.fromkeys(("paths", "targets")) | {n: a for n, a in arrays.items() if n in named}
+    try:
+        return Episodes(**rest, records=records, env_seeds=header["env_seeds"])
+    except (KeyError, TypeError) as error:
+        raise CheckpointError(f"{_file(run, k)} holds no evaluation: {error}") from error
+
+
+def _file(run: Path, k: int) -> Path:
+    return run / FOLDER / f"{k:05}.safetensors"

@@ -1,0 +1,281 @@
+"""A run that was stopped, in whatever way, and goes on as if nothing had happened."""
+
+import csv
+import json
+import os
+import signal
+import subprocess
+import sys
+
+import mortal
+import pytest
+from tiny_runs import QUICK, add_teacher, files_below
+
+from repaint_cli import checkpoint, runs
+from repaint_cli.checkpoint import load
+from repaint_cli.errors import CardError, CheckpointError, NotFound, StoreError, TeacherMismatch
+from repaint_cli.files import alone_in
+from repaint_cli.history import read_run
+from repaint_cli.plans import plan_of
+from repaint_cli.report.pictures import draw_run
+
+CLOCK = {"seconds", "steps_per_second", "tstamp", "wall_clock"}
+SCRATCH = ["transfer", "--method", "scratch", "--task", "reacher", "--run", "run", *QUICK]
+
+
+def told(folder):
+    """Everything a run has to say but for the hours of the clock."""
+    tensors, notes = load(folder / "checkpoint.safetensors")
+    del notes["past"]["seconds"]
+    best, card = load(folder / "best.safetensors")
+    draw_run(read_run(folder))
+    logs = sorted((folder / "deepracer").rglob("TrainingMetrics.json"))
+    return {
+        "tables": {str(p.relative_to(folder)): table(p) for p in sorted(folder.rglob("*.csv"))},
+        "tensors": bits(tensors), "notes": notes, "best": bits(best),
+        "which": (card["iteration"], card["seed"], card["env_steps"]),
+        "record": {k: v for k, v in record_of(folder).items() if k not in ("seconds", "teachers")},
+        "pictures": {path.name: path.read_bytes() for path in sorted(folder.glob("*.png"))},
+        "logs": [path.read_text() for path in logs],
+        "files": {str(path.relative_to(folder)) for path in folder.rglob("*")},
+    }  # fmt: skip
+
+
+def record_of(folder):
+    return json.loads((folder / "run.json").read_text(encoding="utf-8"))
+
+
+def table(path):
+    with path.open(encoding="utf-8", newline="") as file:
+        return [[v for name, v in row.items() if name not in CLOCK] for row in csv.DictReader(file)]
+
+
+def bits(tensors):
+    return {name: tensor.numpy().tobytes() for name, tensor in tensors.items()}
+
+
+def assert_same(folder, other):
+    found, wanted = told(folder), told(other)
+    for name, value in wanted.items():
+        assert found[name] == value, name
+
+
+@pytest.mark.parametrize(
+    ("kind", "kills"),
+    [("repaint", 50), ("compiled", 4), ("auto", 8), ("relevance", 8), ("q-learning", 8),
+     ("racer", 6)],
+)  # fmt: skip
+def test_a_run_killed_again_and_again_ends_as_an_undisturbed_one(tmp_path, kind, kills):
+    (tmp_path / "calm").mkdir()
+    mortal.go_on(kind, tmp_path / "calm" / "run")
+    deaths, fate, number = 0, 0, 0
+    while deaths < kills:
+        folder = tmp_path / f"wild-{number}" / "run"
+        folder.parent.mkdir(exist_ok=True)
+        if mortal.killed(kind, folder, fate):
+            deaths += 1
+        else:
+            assert_same(folder, tmp_path / "calm" / "run")
+            number += 1
+        fate += 1
+    mortal.go_on(kind, folder)
+    assert_same(folder, tmp_path / "calm" / "run")
+
+
+@pytest.mark.parametrize("kind", ["repaint", "q-learning"])
+def test_more_iterations_are_those_of_a_longer_run(tmp_path, kind):
+    for name, n_iterations in (("long", 5), ("short", 3)):  # with the same teacher beside them
+        mortal.go_on(kind, tmp_path / name, n_iterations)
+    short = read_run(tmp_path / "short")
+    plan = plan_of(short.record, short.task, short.folder).for_iterations(5)
+    list(runs.Experiment(plan, resume=True).run())
+    assert_same(plan.folder, tmp_path / "long")
+
+
+def test_resume_from_the_command_line(repaint, home):
+    assert repaint(*SCRATCH).code == 0
+    assert repaint(*SCRATCH, "--run", "long", "--iterations", 4).code == 0
+    seconds = record_of(home / "run")["seconds"]
+    said = repaint("transfer", "--resume", "run", "--iterations", 4)
+    assert said.code == 0
+    assert [line[:13] for line in said.out.splitlines()[:2]] == ["iteration 3/4", "iteration 4/4"]
+    assert said.out.splitlines()[-1] == "next: repaint eval run --render-offscreen"
+    assert_same(home / "run", home / "long")
+    assert record_of(home / "run")["seconds"] >= seconds
+
+
+def test_a_finished_run_is_finished_again(repaint, home):
+    repaint(*SCRATCH)
+    before = told(home / "run")
+    assert repaint("transfer", "--resume", "run").code == 0
+    assert told(home / "run") == before
+
+
+def test_a_teacher_that_was_all_but_done(repaint, home, monkeypatch):
+    words = ["train-teacher", "--task", "reacher", "--name", "mine", "--run", "run", *QUICK]
+
+    def stopped(*args):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(runs, "score", stopped)
+        assert repaint(*words).code == 130
+    mine = home / "home" / "zoo" / "mine.safetensors"
+    assert not mine.exists()
+    assert repaint("train-teacher", "--resume", "run").code == 0
+    first = mine.read_bytes()
+    assert repaint("train-teacher", "--resume", "run").code == 0  # the very same may stay
+    assert mine.read_bytes() == first
+    said = repaint("train-teacher", "--resume", "run", "--iterations", 3)
+    assert said.code == StoreError.exit_code
+    assert "your zoo has a teacher 'mine' already" in said.err
+    assert repaint("train-teacher", "--resume", "run", "--iterations", 3, "--name", "two").code == 0
+    assert (home / "home" / "zoo" / "two.safetensors").is_file()
+
+
+@pytest.mark.parametrize(
+    ("words", "error", "text"),
+    [
+        (["transfer", "--resume", "run", "--beta", "3"], CardError, "leave out --beta beside"),
+        (["transfer", "--resume", "run", "--task", "ant"], CardError, "leave out --task beside"),
+        (["transfer", "--resume", "no"], NotFound, "expected a run's folder with run.json"),
+        (["transfer", "--resume", "run", "--iterations", 1], CardError, "of at least 2, which run"),
+        (["train-teacher", "--resume", "run"], CardError, "with: repaint transfer --resume run"),
+        (["transfer"], CardError, "expected --task NAME (repaint tasks list), or --resume RUN"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_resumed_so(repaint, home, words, error, text):
+    repaint(*SCRATCH)
+    before = files_below(home / "run")
+    said = repaint(*words)
+    assert said.code == error.exit_code
+    assert text in said.err
+    assert said.err.count("\n") == 1
+    assert files_below(home / "run") == before
+
+
+def rewritten(path, **changes):
+    tensors, header = load(path)
+    checkpoint.save(path, tensors, {**header, **changes})
+
+
+def test_a_checkpoint_of_another_version_is_refused(repaint, home):
+    repaint(*SCRATCH)
+    rewritten(home / "run" / "checkpoint.safetensors", version="0.0.7")
+    said = repaint("transfer", "--resume", "run")
+    assert said.code == CheckpointError.exit_code
+    assert "was written by repaint 0.0.7, this is repaint 0.1.0" in said.err
+
+
+def test_a_checkpoint_of_another_run_is_refused(repaint, home):
+    repaint(*SCRATCH)
+    for other, name in (("--set=ppo.gamma=0.9", "gamma"), ("--task=reacher-away", "away")):
+        repaint(*SCRATCH, "--run", name, other)
+        theirs = home / name / "checkpoint.safetensors"
+        (home / "run" / "checkpoint.safetensors").write_bytes(theirs.read_bytes())
+        said = repaint("transfer", "--resume", "run")
+        assert said.code == CheckpointError.exit_code
+        found = {
+            "gamma": "task.ppo.gamma 0.9 against 0.99",
+            "away": 'task.name "reacher-away" against "reacher"',
+        }
+        assert f"of another run than run.json beside it: {found[name]};" in said.err
+
+
+def test_a_run_whose_teacher_is_another_now_is_refused(repaint, home):
+    teacher = add_teacher(home / "home" / "zoo")
+    words = ["transfer", "--teacher", "old-hand", "--task", "reacher", "--run", "run", *QUICK]
+    repaint(*words)
+    elsewhere = home / "elsewhere.safetensors"
+    teacher.rename(elsewhere)
+    said = repaint("transfer", "--resume", "run", "--iterations", 3)
+    assert said.code == NotFound.exit_code
+    assert f"the run's teacher 'old-hand' is gone: expected it at {teacher}" in said.err
+    add_teacher(home / "home" / "zoo", iteration=2)
+    said = repaint("transfer", "--resume", "run", "--iterations", 3)
+    assert said.code == TeacherMismatch.exit_code
+    theirs, ours = (runs.read_run(home / "run").record["teachers"][0]["sha256"], "")
+    ours = mortal.files.sha256(teacher)
+    assert f"was {theirs[:12]}… (sha256), {teacher} is {ours[:12]}…" in said.err
+    elsewhere.replace(teacher)
+    assert repaint("transfer", "--resume", "run", "--iterations", 3).code == 0
+
+
+def test_earlier_checkpoints_are_kept_and_stand_in_for_a_damaged_one(repaint, home):
+    repaint(*SCRATCH, "--iterations", 5, "--keep", 3)
+    repaint(*SCRATCH, "--iterations", 5, "--run", "calm")
+    kept = sorted(path.name for path in (home / "run").glob("checkpoint*"))
+    assert kept == ["checkpoint-00003.safetensors", "checkpoint-00004.safetensors",
+                    "checkpoint.safetensors"]  # fmt: skip
+    damaged = home / "run" / "checkpoint.safetensors"
+    content = bytearray(damaged.read_bytes())
+    content[-5] ^= 1
+    damaged.write_bytes(content)
+    said = repaint("transfer", "--resume", "run")
+    assert said.code == 0
+    assert "warning: run/checkpoint.safetensors is not what was written" in said.out
+    assert "going on from checkpoint-00004.safetensors" in said.out
+    assert "iteration 5/5" in said.out
+    assert bits(load(damaged)[0]) == bits(load(home / "calm" / "checkpoint.safetensors")[0])
+
+
+def test_metrics_that_lack_an_iteration_are_no_runs(repaint, home):
+    repaint(*SCRATCH)
+    path = home / "run" / "metrics.csv"
+    path.write_text("".join(path.read_text().splitlines(keepends=True)[:-1]))
+    said = repaint("transfer", "--resume", "run")
+    assert said.code == CheckpointError.exit_code
+    assert "expected its line 3 to be of iteration 2, as the checkpoint" in said.err
+
+
+def test_other_versions_are_said(repaint, home):
+    repaint(*SCRATCH)
+    record = record_of(home / "run")
+    record["versions"]["torch"] = "1.0"
+    (home / "run" / "run.json").write_text(json.dumps(record))
+    said = repaint("transfer", "--resume", "run", "--iterations", 3)
+    assert said.code == 0
+    assert "warning: the run goes on with other versions (torch 1.0 → " in said.out
+
+
+def test_of_two_processes_at_a_run_one_is_refused(repaint, home):
+    repaint(*SCRATCH)
+    before = files_below(home / "run")
+    with alone_in(home / "run"):
+        said = repaint("transfer", "--resume", "run", "--iterations", 3)
+    assert said.code == StoreError.exit_code
+    assert "run is being written by another process" in said.err
+    assert files_below(home / "run") == before
+    assert repaint("transfer", "--resume", "run", "--iterations", 3).code == 0
+
+
+def test_events_of_what_was_never_finished_are_void(repaint, home):
+    pytest.importorskip("tensorboard")
+    from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
+
+    repaint(*SCRATCH, "--tensorboard", "--iterations", 3, "--keep", 2)
+    (home / "run" / "checkpoint.safetensors").unlink()  # as if killed in the third
+    assert repaint("transfer", "--resume", "run", "--tensorboard").code == 0
+    events = EventAccumulator(str(home / "run" / "tensorboard" / "seed-0")).Reload()
+    assert [event.step for event in events.Scalars("eval_return")] == [1, 2, 3]
+
+
+def test_a_scheduler_s_sigterm_ends_with_143_and_the_run_goes_on(repaint, home):
+    words = [*map(str, SCRATCH), "--iterations", "400"]
+    with subprocess.Popen(
+        [sys.executable, "-m", "repaint_cli", *words], text=True,
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=os.environ | {"OMP_NUM_THREADS": "1"},
+    ) as process:  # fmt: skip
+        for line in process.stdout:
+            if line.startswith("iteration 3/"):
+                process.send_signal(signal.SIGTERM)
+                break
+        out, err = process.communicate(timeout=60)
+    assert (process.returncode, err) == (143, "")
+    done = record_of(home / "run")["iterations"]
+    assert out.endswith(
+        f"interrupted after iteration {done}\nnext: repaint transfer --resume run\n"
+    )
+    assert repaint("transfer", "--resume", "run", "--iterations", done + 1).code == 0
+    repaint(*SCRATCH, "--run", "calm", "--iterations", done + 1)
+    assert_same(home / "run", home / "calm")
