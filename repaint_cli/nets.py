@@ -133,7 +133,7 @@ class ActorCritic:
             n = most if counts is None else counts[s]
             beside = None if ranges is None else ranges[s, :n]
             out = self._see(tower, s, images[s, :n], beside)
-            outs.append(F.pad(out, (0, 0, 0, most - len(out))))
+            outs.append(F.pad(out, (0, 0, 0, most - out.shape[0])))
         return torch.stack(outs)  # (S, B, heads)
 
     def _see(self, tower: Tower, s: int, images: Tensor, ranges: Tensor | None) -> Tensor:

@@ -1,10 +1,11 @@
 """The zoo: teachers in a local folder, one file each; the card stands in the file's own header."""
 
+import os
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from pydantic import ValidationError, model_validator
 
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
 
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
 """What a teacher may be called."""
+
+SUFFIX = ".safetensors"
 
 
 class Score(Settings):
@@ -93,13 +96,39 @@ class TeacherCard(Settings):
         return Spaces(self.obs_shape, self.n_actions, self.discrete, self.n_beams)
 
 
+class Glance(NamedTuple):
+    """What a list shows of a teacher; read, not checked."""
+
+    task: str
+    score: Mapping[str, float] | None
+    env_steps: int
+
+
 def teachers() -> dict[str, Path]:
-    """Return all teachers by name; the user's own come before shipped ones of the same name."""
+    """Return all teachers by name; the user's own come before shipped ones of the same name.
+
+    Files that are links out of their folder are none.
+    """
     found: dict[str, Path] = {}
     for folder in (user_zoo(), shipped("zoo")):
-        for path in sorted(folder.glob("[!.]*.safetensors")):
-            found.setdefault(path.stem, path)
+        if folder.is_dir():
+            for name in sorted(_names(folder)):
+                found.setdefault(name, folder / f"{name}{SUFFIX}")
     return found
+
+
+def _names(folder: Path) -> Iterator[str]:
+    with os.scandir(folder) as entries:
+        for entry in entries:
+            name = entry.name.removesuffix(SUFFIX)
+            if name == entry.name or not NAME.fullmatch(name):
+                continue
+            if not entry.is_symlink() or not _leads_out(folder / entry.name):
+                yield name
+
+
+def _leads_out(path: Path) -> bool:
+    return not path.resolve().is_relative_to(path.parent.resolve())
 
 
 def find(name: str) -> Path:
@@ -108,12 +137,50 @@ def find(name: str) -> Path:
     Raises:
         NotFound: there is none.
     """
-    if name.endswith(".safetensors") and Path(name).is_file():
+    if name.endswith(SUFFIX) and Path(name).is_file():
         return Path(name)
     known = teachers()
     if name not in known:
+        path = user_zoo() / f"{name}{SUFFIX}"
+        if NAME.fullmatch(name) and path.is_symlink():
+            raise NotFound(
+                f"teacher '{name}' is a link that leads out of your zoo, to {path.readlink()}; "
+                f"add what is there: repaint zoo add {name} FILE"
+            )
         raise NotFound.named("teacher", name, known, "repaint zoo list")
     return known[name]
+
+
+def remove(name: str) -> Path:
+    """Remove one of the user's own teachers; return where it was.
+
+    Raises:
+        NotFound: there is none.
+        StoreError: it is a shipped one, or cannot be removed.
+    """
+    path = user_zoo() / f"{name}{SUFFIX}"
+    if not NAME.fullmatch(name) or not os.path.lexists(path):
+        if name in teachers():
+            raise StoreError(f"'{name}' comes with repaint; only your own teachers can be removed")
+        raise NotFound.named("teacher", name, teachers(), "repaint zoo list")
+    try:
+        path.unlink()
+    except OSError as error:
+        raise StoreError(f"cannot remove {path}: {error.strerror}") from error
+    return path
+
+
+def glance(path: Path) -> Glance:
+    """Read what a list shows, fast: a zoo may hold thousands.
+
+    Raises:
+        CheckpointError: the file is damaged or no teacher.
+    """
+    header = read_header(path)
+    try:
+        return Glance(header["task"]["name"], header.get("score"), int(header["env_steps"]))
+    except (KeyError, TypeError, ValueError) as error:
+        raise CheckpointError(f"{path}: its card does not fit: {error}") from error
 
 
 def read_card(path: Path) -> TeacherCard:
@@ -171,7 +238,7 @@ def add(
     from repaint_cli.checkpoint import content_hash, policy_tensors, save
 
     check_name(card.name)
-    path = folder / f"{card.name}.safetensors"
+    path = folder / f"{card.name}{SUFFIX}"
     tensors, header = policy_tensors(network, seed_number), card.model_dump(mode="json")
     try:
         save(path, tensors, header, new=not replace)

@@ -9,18 +9,16 @@ from multiprocessing import forkserver
 from pathlib import Path
 from time import sleep
 
-import numpy as np
 import pytest
 import tiny_tasks
 import torch
+from tiny_learners import trained
 
 from repaint_cli import checkpoint, files, zoo
 from repaint_cli.cards import read_task
 from repaint_cli.history import read_run
-from repaint_cli.nets import ActorCritic
 from repaint_cli.plans import Plan, plan_of
 from repaint_cli.runs import Experiment, versions
-from repaint_cli.spaces import Spaces
 
 AS_WRITTEN = "ppo.compiled=false"  # what is compiled takes a while to load
 AUTO = ("transfer.phases=auto", "transfer.kickstart_schedule=auto", "select.rule=auto")
@@ -28,9 +26,9 @@ LAP = (
     "env.max_steps=6", "ppo.n_episodes=3", "ppo.n_epochs=1", "net.conv=[[4,8,8]]", "net.dense=8"
 )  # fmt: skip
 RUNS = {
-    "repaint": ("reach", "repaint", "ppo", (AS_WRITTEN, "select.scale=student-batch")),
+    "repaint": ("reach", "repaint", "ppo", (AS_WRITTEN, "ppo.learning_rate=0.1", "select.scale=student-batch")),
     "compiled": ("reach", "kickstart", "ppo", ()),
-    "auto": ("reach", "repaint", "ppo", (AS_WRITTEN, *AUTO, "transfer.iterations=12")),
+    "auto": ("reach", "repaint", "ppo", (AS_WRITTEN, *AUTO, "transfer.iterations=12", "ppo.learning_rate=0.01")),
     "relevance": ("reach", "instance", "ppo", (AS_WRITTEN, "select.rule=rbt")),
     "racer": ("racer-inner", "scratch", "ppo", LAP),
     "q-learning": (
@@ -51,19 +49,19 @@ def plan(kind, folder, n_iterations=12):
 
 
 def add_teacher(task, folder):
+    """A teacher that knows the task."""
     path = folder / "old-hand.safetensors"
     if path.exists():
         return path
-    env = task.make_env(1)
-    spaces = Spaces.of(env.single_observation_space, env.single_action_space)
-    network = ActorCritic(spaces, task.net, 1)
-    network.initialize([np.random.default_rng(1)])
+    lessons = getattr(tiny_tasks, task.name)(n_iterations=12, learning_rate=0.02)
+    learner, _ = trained(lessons, seeds=[7], instance=0)
+    spaces = learner.student.spaces
     card = zoo.TeacherCard(
         name="old-hand", task=task, obs_shape=spaces.obs_shape, n_actions=spaces.n_actions,
         discrete=spaces.discrete, method="scratch", seed=0, iteration=1, env_steps=10,
         versions=versions(), created="2021-07-18T00:00:00+00:00",
     )  # fmt: skip
-    return zoo.add(network, 0, card, folder)
+    return zoo.add(learner.student, 0, card, folder)
 
 
 def go_on(kind, folder, n_iterations=12):

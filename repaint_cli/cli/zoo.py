@@ -1,6 +1,7 @@
-"""`repaint zoo list | show | verify`."""
+"""`repaint zoo list | show | verify | export | remove`."""
 
 import json
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -8,7 +9,7 @@ import typer
 from repaint_cli.errors import CheckpointError
 from repaint_cli.paths import user_zoo
 
-zoo = typer.Typer(no_args_is_help=True, help="List, show and verify teachers.")
+zoo = typer.Typer(no_args_is_help=True, help="List, show, check, export and remove teachers.")
 Name = Annotated[str, typer.Argument(help="A teacher's name or file.")]
 
 
@@ -17,25 +18,25 @@ def list_teachers(
     fits: Annotated[str | None, typer.Option(help="Only teachers that fit this task.")] = None,
 ) -> None:
     """List teachers: your own first, then the shipped ones."""
-    from rich.console import Console
-    from rich.table import Table
+    from repaint_cli.cli.screen import print_columns
+    from repaint_cli.zoo import teachers
 
-    from repaint_cli.zoo import find, read_card, teachers
+    known = teachers()
+    names = _fitting(fits) if fits else list(known)
+    rows = [(name, *_seen(known[name])) for name in names]
+    print_columns(("teacher", "task", "score [95 % CI]", "steps", "whose"), rows)
 
-    table = Table("teacher", "task", "score [95 % CI]", "steps", "whose", box=None)
-    chosen = _fitting(fits) if fits else list(teachers())
-    for name in chosen:
-        path = find(name)
-        whose = "yours" if path.parent == user_zoo() else "shipped"
-        try:
-            card = read_card(path)
-        except CheckpointError:
-            table.add_row(name, "damaged", "-", "-", whose)
-            continue
-        score = card.score
-        text = f"{score.mean:.4g} [{score.low:.4g}, {score.high:.4g}]" if score else "-"
-        table.add_row(name, card.task.name, text, f"{card.env_steps:,}", whose)
-    Console(soft_wrap=True).print(table)
+
+def _seen(path: Path) -> tuple[str, str, str, str]:
+    from repaint_cli.zoo import glance
+
+    whose = "yours" if path.parent == user_zoo() else "shipped"
+    try:
+        task, score, steps = glance(path)
+    except CheckpointError:
+        return "damaged", "-", "-", whose
+    text = f"{score['mean']:.4g} [{score['low']:.4g}, {score['high']:.4g}]" if score else "-"
+    return task, text, f"{steps:,}", whose
 
 
 def _fitting(task: str) -> list[str]:
@@ -48,30 +49,71 @@ def _fitting(task: str) -> list[str]:
 
 
 @zoo.command()
-def show(name: Name) -> None:
+def show(
+    name: Name,
+    markdown: Annotated[
+        bool, typer.Option("--markdown", help="As a page to publish beside the file.")
+    ] = False,
+) -> None:
     """Show a teacher's card."""
+    from repaint_cli import model_card
     from repaint_cli.zoo import find, read_card
 
-    print(json.dumps(read_card(find(name)).model_dump(mode="json"), indent=2))
+    path = find(name)
+    card = read_card(path)
+    if markdown:
+        print(model_card.markdown(card, path), end="")
+    else:
+        print(json.dumps(card.model_dump(mode="json"), indent=2))
 
 
 @zoo.command()
 def verify(
     name: Annotated[str | None, typer.Argument(help="A teacher's name or file; none: all.")] = None,
+    score: Annotated[bool, typer.Option("--score", help="Measure the score once more.")] = False,
 ) -> None:
     """Check that teachers are sound.
 
-    A whole file, finite weights, a sound card, leaves of the right shapes.
+    A whole file with the hash it was written with, finite weights of the right shapes, a sound card,
+    a policy that fits its own task.
     """
-    from repaint_cli.zoo import find, load_teacher, teachers
+    from repaint_cli.verify import verify
+    from repaint_cli.zoo import find, teachers
 
     names = [name] if name else list(teachers())
     bad = []
     for each in names:
+        path = find(each)
         try:
-            load_teacher(find(each))
-            print(f"{each}: sound")
+            print(f"{each}: {verify(path, again=score)}")
         except CheckpointError as error:
             bad.append(f"{each}: {error}")
     if bad:
         raise CheckpointError("; ".join(bad))
+
+
+@zoo.command()
+def export(
+    name: Name,
+    folder: Annotated[Path, typer.Argument(help="Where to; it is made where it is absent.")],
+    onnx: Annotated[bool, typer.Option("--onnx", help="Write the policy as ONNX, too.")] = False,
+) -> None:
+    """Export a teacher: its file, card.json and a page about it, README.md."""
+    from repaint_cli.cli.session import say_written
+    from repaint_cli.export import export
+    from repaint_cli.zoo import find
+
+    say_written(export(find(name), folder, onnx=onnx), f"repaint zoo verify {folder}/{name}")
+
+
+@zoo.command()
+def remove(
+    name: Annotated[str, typer.Argument(help="The name of one of your own teachers.")],
+    yes: Annotated[bool, typer.Option("--yes", help="Do not ask.")] = False,
+) -> None:
+    """Remove one of your own teachers, after asking."""
+    from repaint_cli.zoo import remove
+
+    if not yes:
+        typer.confirm(f"Remove the teacher '{name}' from your zoo for good?", abort=True)
+    print(f"removed {remove(name)}")

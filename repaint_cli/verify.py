@@ -1,0 +1,46 @@
+"""Whether a teacher is what its file says: whole, sound, fit for its own task, as good as its score."""
+
+from pathlib import Path
+
+from repaint_cli.errors import CheckpointError, RepaintError
+from repaint_cli.evaluate import spaces_of
+from repaint_cli.files import read_hash
+from repaint_cli.runs import score
+from repaint_cli.zoo import load_teacher
+
+
+def verify(path: Path, *, again: bool = False) -> str:
+    """Check a teacher's file; return what was found good.
+
+    It is whole and its hash is that of its contents, its weights are finite and of the shapes that
+    its card says, the card fits the schema, and the policy fits the task in the card.
+
+    Args:
+        path: the file.
+        again: whether to measure its score once more, on the same seeds.
+
+    Raises:
+        CheckpointError: something is wrong with it.
+    """
+    network, card = load_teacher(path)
+    found = ["sound"] if read_hash(path) else ["sound, but without a hash: of an earlier version"]
+    if card.task.reward_code:
+        return f"{found[0]}; its task's reward function is not run from here"
+    try:
+        spaces = spaces_of(card.task)
+        again_score = score(network, card.task, card.seed) if again else None
+    except RepaintError as error:
+        raise CheckpointError(f"its own task cannot be played: {error}") from error
+    if spaces != card.spaces:
+        raise CheckpointError(f"it has {card.spaces}, its own task '{card.task.name}' {spaces}")
+    if again_score is None:
+        return found[0]
+    measured = f"{again_score.mean:.4g} [{again_score.low:.4g}, {again_score.high:.4g}]"
+    if card.score is None:
+        return f"{found[0]}; its card has no score, measured {measured}"
+    if not card.score.low <= again_score.mean <= card.score.high:
+        raise CheckpointError(
+            f"its card says a score of {card.score.mean:.4g} [{card.score.low:.4g}, "
+            f"{card.score.high:.4g}], measured {measured}"
+        )
+    return f"{found[0]}; score {measured}, its card says {card.score.mean:.4g}"
