@@ -86,8 +86,11 @@ def policies(run: Run) -> ActorCritic:
     Raises:
         CheckpointError: its checkpoint is damaged.
     """
-    network = ActorCritic(spaces_of(run.task), run.task.net, len(run.record["seeds"]))
-    checkpoint.load_networks(run.folder / "checkpoint.safetensors", network)
+    path, like = run.folder / "checkpoint.safetensors", (spaces_of(run.task), run.task.net)
+    seeds = len(run.record["seeds"])
+    checkpoint.check_networks(path, *like, seeds, str(path), checkpoint.NETWORKS)
+    network = ActorCritic(*like, seeds)
+    checkpoint.load_networks(path, network)
     return network
 
 

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from repaint_cli.errors import CheckpointError
+from repaint_cli.errors import CardError, CheckpointError
 from repaint_cli.paths import user_zoo
 
 zoo = typer.Typer(no_args_is_help=True, help="List, show and verify teachers.")
@@ -71,7 +71,7 @@ def verify(
         try:
             load_teacher(find(each))
             print(f"{each}: sound")
-        except CheckpointError as error:
+        except (CheckpointError, CardError) as error:
             bad.append(f"{each}: {error}")
     if bad:
         raise CheckpointError("; ".join(bad))
