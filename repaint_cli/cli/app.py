@@ -73,6 +73,7 @@ def main() -> None:
 
 def _complain(message: str) -> None:
     from rich.console import Console
-    from rich.markup import escape
 
-    Console(stderr=True, soft_wrap=True).print(f"[red]error:[/red] {escape(message)}")
+    from repaint_cli.cli.words import literal
+
+    Console(stderr=True, soft_wrap=True).print(f"[red]error:[/red] {literal(message)}", emoji=False)

@@ -67,17 +67,26 @@ def subject(what: str | None, task: str | None, root: Path) -> Subject:
     network, teacher = zoo.load_teacher(path)
     if card:
         zoo.check_fits([teacher], card, spaces_of(card))
-    if teacher.task.reward_code and not card:
-        code = teacher.task.reward_code.name
+    code = _code_of(teacher.task)
+    if code and not card:
         raise CardError(
-            f"'{teacher.name}' was trained with the reward function {code}, which is never run "
-            "from a teacher's file; name the task: --task my-task.toml"
+            f"'{teacher.name}' was trained with {code}, which is never run from a teacher's file; "
+            "name the task: --task my-task.toml"
         )
     target = card or teacher.task
     name = teacher.name if target == teacher.task else f"{teacher.name} on {target.name}"
     folder = root / target.name / f"eval-{teacher.name}-{stamp()}"
     following = f"repaint similarity {task if teacher.task.reward_code else what}"
     return Subject(name, network, [teacher.seed], target, folder, following)
+
+
+def _code_of(task: TaskCard) -> str | None:
+    """Return what of a task is somebody's own code: a reward function, or an imported module."""
+    if task.reward_code:
+        return f"the reward function {task.reward_code.name}"
+    if isinstance(task.env, GymEnv) and ":" in task.env.id:
+        return f"the module of {task.env.id}"
+    return None
 
 
 def policies(run: Run) -> ActorCritic:

@@ -20,6 +20,7 @@ def list_teachers(
     from rich.console import Console
     from rich.table import Table
 
+    from repaint_cli.cli.words import literal
     from repaint_cli.zoo import find, read_card, teachers
 
     table = Table("teacher", "task", "score [95 % CI]", "steps", "whose", box=None)
@@ -30,12 +31,12 @@ def list_teachers(
         try:
             card = read_card(path)
         except CheckpointError:
-            table.add_row(name, "damaged", "-", "-", whose)
+            table.add_row(literal(name), "damaged", "-", "-", whose)
             continue
         score = card.score
         text = f"{score.mean:.4g} [{score.low:.4g}, {score.high:.4g}]" if score else "-"
-        table.add_row(name, card.task.name, text, f"{card.env_steps:,}", whose)
-    Console(soft_wrap=True).print(table)
+        table.add_row(name, literal(card.task.name), text, f"{card.env_steps:,}", whose)
+    Console(soft_wrap=True, emoji=False).print(table)
 
 
 def _fitting(task: str) -> list[str]:
@@ -63,6 +64,7 @@ def verify(
 
     A whole file, finite weights, a sound card, leaves of the right shapes.
     """
+    from repaint_cli.cli.words import plain
     from repaint_cli.zoo import find, load_teacher, teachers
 
     names = [name] if name else list(teachers())
@@ -70,7 +72,7 @@ def verify(
     for each in names:
         try:
             load_teacher(find(each))
-            print(f"{each}: sound")
+            print(f"{plain(each)}: sound")
         except (CheckpointError, CardError) as error:
             bad.append(f"{each}: {error}")
     if bad:
