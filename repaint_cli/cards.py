@@ -3,13 +3,14 @@
 A card may extend a shipped one and then says only what is new.
 """
 
-import tomllib
+import os
 from pathlib import Path
 from typing import Any
 
 from repaint_cli.deepracer import read_hyperparameters, read_model_metadata
 from repaint_cli.errors import CardError, NotFound
 from repaint_cli.paths import shipped
+from repaint_cli.reading import read_card, read_text
 from repaint_cli.tasks import TaskCard
 
 
@@ -27,7 +28,7 @@ def read_task(name: str) -> TaskCard:
     """
     path = Path(name)
     if path.suffix == ".toml":
-        if not path.is_file():
+        if not os.path.exists(path):  # which takes any name
             raise NotFound(
                 f"there is no card at '{name}'; start one: repaint tasks copy reacher {name}"
             )
@@ -41,10 +42,7 @@ def read_task(name: str) -> TaskCard:
 
 def _resolve(path: Path) -> dict[str, Any]:
     """Read TOML and merge it over what it extends."""
-    try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise CardError(f"{path}: {error}") from error
+    data = read_card(path, CardError)
     code = _reward_code(data, path.parent)
     _resolve_files(data, path.parent)
     base = data.pop("extends", None)
@@ -87,10 +85,7 @@ def _reward_code(data: dict[str, Any], folder: Path) -> dict[str, Any]:
         raise CardError(f"a reward function stands alone: leave out what is beside {file}")
     del data["reward"]
     path = folder / file
-    try:
-        source = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise CardError(f"cannot read the reward function {path}: {error}") from error
+    source = read_text(path, CardError)
     return {"reward": {"function": 1.0}, "reward_code": {"name": path.name, "source": source}}
 
 

@@ -10,9 +10,17 @@ import torch
 from safetensors.torch import save_file
 from torch import Tensor
 
+from repaint_cli.architecture import NetConfig
 from repaint_cli.errors import CheckpointError
 from repaint_cli.files import HASH, KEY, header_of, opened, written_whole
-from repaint_cli.nets import ActorCritic
+from repaint_cli.nets import ActorCritic, leaves_of
+from repaint_cli.spaces import Spaces
+
+TYPES = {
+    "F64": "float64", "F32": "float32", "I64": "int64", "I32": "int32", "U8": "uint8",
+    "BOOL": "bool",
+}  # fmt: skip
+"""What our files hold, as safetensors and as we name it."""
 
 
 def save(
@@ -41,6 +49,9 @@ def load(path: Path, *, finite: bool = True) -> tuple[dict[str, Tensor], dict[st
     """
     with opened(path, "pt") as file:
         header, wanted = header_of(path, file)
+        for name in file.keys():  # noqa: SIM118
+            if file.get_slice(name).get_dtype() not in TYPES:
+                raise CheckpointError(f"{path}: leaf '{name}' is of a type that we do not write")
         tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
     if wanted is not None and wanted != content_hash(tensors, header):
         raise CheckpointError(
@@ -74,20 +85,14 @@ def load_policy(student: ActorCritic, tensors: Mapping[str, Tensor], where: str)
     """Put leaves in place: with their seed axis, or without it into every seed.
 
     Raises:
-        CheckpointError: a leaf is missing, left over, or of another shape or type.
+        CheckpointError: a leaf is missing, left over, or of another shape or type; or what was
+            observed has a negative variance or number.
     """
-    leaves = policy_tensors(student)
-    for name in sorted(leaves.keys() ^ tensors.keys()):
-        found = "missing in the file" if name in leaves else "unknown to the network"
-        raise CheckpointError(f"{where}: leaf '{name}' is {found}")
-    for name, leaf in leaves.items():
-        tensor = tensors[name]
-        wanted = leaf.shape if tensor.ndim == leaf.ndim else leaf.shape[1:]
-        if tensor.shape != wanted or tensor.dtype != leaf.dtype:
-            raise CheckpointError(
-                f"{where}: leaf '{name}' is {_kind(tensor, tensor.shape)} in the file, "
-                f"{_kind(leaf, wanted)} in the network"
-            )
+    forms = {n: (tuple(t.shape), str(t.dtype).removeprefix("torch.")) for n, t in tensors.items()}
+    _check_forms(forms, student.spaces, student.net, student.n_seeds, where)
+    for name in ("normalizer.var", "normalizer.count"):
+        if name in tensors and (tensors[name] < 0).any():
+            raise CheckpointError(f"{where}: leaf '{name}' holds numbers below 0")
     with torch.no_grad():
         for name, leaf in student.weights.items():
             leaf.copy_(tensors[name])
@@ -99,3 +104,52 @@ def load_policy(student: ActorCritic, tensors: Mapping[str, Tensor], where: str)
 
 def _kind(tensor: Tensor, shape: torch.Size) -> str:
     return f"{tuple(shape)} {str(tensor.dtype).removeprefix('torch.')}"
+
+
+def check_networks(
+    path: Path, spaces: Spaces, net: NetConfig, n_seeds: int, where: str, prefix: str = ""
+) -> None:
+    """Check that a file's leaves are those of such networks, before there is any memory for them.
+
+    Args:
+        path: of the file.
+        spaces: what the policies read and write.
+        net: their layers.
+        n_seeds: S; the leaves may have no seed axis.
+        where: for messages.
+        prefix: of the leaves' names in the file.
+
+    Raises:
+        CheckpointError: the file is damaged, or a leaf is missing, left over, or of another shape
+            or type.
+    """
+    forms = {}
+    with opened(path, "numpy") as file:
+        for name in file.keys():  # noqa: SIM118
+            if name.startswith(prefix):
+                leaf = file.get_slice(name)
+                kind = TYPES.get(leaf.get_dtype(), leaf.get_dtype())
+                forms[name.removeprefix(prefix)] = (tuple(leaf.get_shape()), kind)
+    _check_forms(forms, spaces, net, n_seeds, where)
+
+
+Form = tuple[tuple[int, ...], str]
+
+
+def _check_forms(
+    found: Mapping[str, Form], spaces: Spaces, net: NetConfig, n_seeds: int, where: str
+) -> None:
+    known = set()
+    for name, shape, kind in leaves_of(spaces, net):
+        known.add(name)
+        if name not in found:
+            raise CheckpointError(f"{where}: leaf '{name}' is missing in the file")
+        theirs, their_kind = found[name]
+        wanted = (n_seeds, *shape) if len(theirs) > len(shape) else shape
+        if (theirs, their_kind) != (wanted, kind):
+            raise CheckpointError(
+                f"{where}: leaf '{name}' is {theirs} {their_kind} in the file, "
+                f"{wanted} {kind} in the network"
+            )
+    for name in sorted(found.keys() - known):
+        raise CheckpointError(f"{where}: leaf '{name}' is unknown to the network")

@@ -15,6 +15,7 @@ from pydantic import (
     ConfigDict,
     Field,
     NonNegativeFloat,
+    ValidationError,
     field_validator,
     model_validator,
 )
@@ -36,6 +37,24 @@ class Settings(BaseModel):
             if isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name)
             and isinstance(text, ast.Expr) and isinstance(text.value, ast.Constant)
         }  # fmt: skip
+
+
+def first_problem(error: ValidationError) -> str:
+    """Return the first thing that is wrong with a record: the key, what was wanted and found."""
+    if error.error_count() > 1000:  # each of which takes a kilobyte to tell
+        return f"{error.error_count():,} of its values are not what they should be"
+    problems = error.errors()
+    same = [problem for problem in problems if problem["loc"][:2] == problems[0]["loc"][:2]]
+    problem = max(same, key=lambda problem: len(problem["loc"]))  # of several kinds, the nearest
+    kinds = ("[", "constrained-")  # of a value that may be of several, which pydantic names too
+    loc = [str(part) for part in problem["loc"] if not any(kind in str(part) for kind in kinds)]
+    simulator = loc.index("env") + 1 if "env" in loc else len(loc)  # which pydantic names too
+    where = ".".join(loc[:simulator] + loc[simulator + 1 :])
+    if problem["type"] == "extra_forbidden":
+        return f"unknown key '{where}'"
+    found = "" if problem["type"] == "missing" else f", found {problem['input']!r:.100}"
+    wanted = problem["msg"].removeprefix("Value error, ").replace("Input should be", "expected")
+    return f"{where}: {wanted}{found}"
 
 
 class PPOConfig(Settings):

@@ -1,13 +1,14 @@
 """What DeepRacer's own files say, as settings of a card, and back."""
 
-import json
 from collections.abc import Sequence
+from contextlib import suppress
 from math import isfinite
 from pathlib import Path
 from typing import Any
 
 from repaint_cli.config import PPOConfig
 from repaint_cli.errors import CardError
+from repaint_cli.reading import read_json
 
 CAMERAS = {
     "observation": "camera",
@@ -48,7 +49,7 @@ def read_hyperparameters(path: Path) -> dict[str, Any]:
     unknown = sorted(data.keys() - PPO_NAMES.keys() - OTHER_NAMES)
     if unknown:
         known = ", ".join(sorted({*PPO_NAMES, *OTHER_NAMES}))
-        raise CardError(f"{path}: unknown key '{unknown[0]}'; DeepRacer's are {known}")
+        raise CardError(f"{path}: unknown key '{unknown[0]:.60}'; DeepRacer's are {known}")
     return {ours: _number(data[theirs]) for theirs, ours in PPO_NAMES.items() if theirs in data}
 
 
@@ -65,10 +66,11 @@ def hyperparameters(ppo: PPOConfig) -> dict[str, Any]:
 
 def _number(value: Any) -> Any:
     """Read a number that may be written as a text, as older files have it; others stay as is."""
-    try:
-        return json.loads(value) if isinstance(value, str) else value
-    except ValueError:
-        return value
+    if isinstance(value, str) and len(value) < 40:
+        for kind in (int, float):
+            with suppress(ValueError):
+                return kind(value)
+    return value
 
 
 def read_model_metadata(path: Path) -> dict[str, Any]:
@@ -99,10 +101,7 @@ def model_metadata(actions: Sequence[Sequence[float]], sensors: str, deep: bool)
 
 
 def _read_object(path: Path) -> dict[str, Any]:
-    try:
-        data = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise CardError(f"cannot read {path}: {error}") from error
+    data = read_json(path, CardError)
     if not isinstance(data, dict):
         raise CardError(f"{path}: expected a JSON object, found {type(data).__name__}")
     return data
@@ -121,7 +120,9 @@ def _actions(path: Path, space: Any) -> list[list[float]]:
             f"{path}: expected action_space to list steering_angle and speed, found {space!r:.60}"
         ) from error
     if not pairs or not all(isfinite(number) for pair in pairs for number in pair):
-        raise CardError(f"{path}: expected at least one action of finite numbers, found {pairs}")
+        raise CardError(
+            f"{path}: expected at least one action of finite numbers, found {pairs!r:.60}"
+        )
     return pairs
 
 
@@ -131,6 +132,6 @@ def _sensors(path: Path, data: dict[str, Any]) -> str:
     if wanted not in SENSORS:
         raise CardError(
             f"{path}: expected one of the cameras {', '.join(CAMERAS)}, with or without LIDAR; "
-            f"found {', '.join(sorted(wanted))}"
+            f"found {', '.join(sorted(wanted)):.100}"
         )
     return SENSORS[wanted]

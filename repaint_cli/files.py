@@ -12,6 +12,7 @@ from typing import Any
 from safetensors import SafetensorError, safe_open
 
 from repaint_cli.errors import CheckpointError, StoreError
+from repaint_cli.reading import LARGEST, check_file, parsed
 
 KEY = "repaint"
 """Where our JSON stands in a safetensors header."""
@@ -169,8 +170,15 @@ def opened(path: Path, framework: str) -> Iterator[Any]:
     Raises:
         CheckpointError: the file is absent or damaged.
     """
-    if not path.is_file():
+    if not os.path.exists(path):  # which takes any name
         raise CheckpointError(f"expected a safetensors file at {path}, found none")
+    check_file(path, CheckpointError)
+    with path.open("rb") as start:  # whose parser takes several times its length in memory
+        if int.from_bytes(start.read(8), "little") > LARGEST:
+            raise CheckpointError(
+                f"{path} is not a whole safetensors file (a header of more than {LARGEST:,} "
+                "bytes); copy or train it again"
+            )
     try:
         with safe_open(path, framework=framework) as file:
             yield file
@@ -187,10 +195,11 @@ def header_of(path: Path, file: Any) -> tuple[dict[str, Any], str | None]:
         CheckpointError: there is none.
     """
     text = (file.metadata() or {}).get(KEY)
+    foreign = f"{path} was not written by repaint: its header has no '{KEY}' JSON"
     try:
-        header = json.loads(text) if text else None
-    except json.JSONDecodeError:
-        header = None
+        header = parsed(text, "the header", CheckpointError) if text else None
+    except CheckpointError as error:
+        raise CheckpointError(f"{foreign} that can be read: {error}") from error
     if not isinstance(header, dict):
-        raise CheckpointError(f"{path} was not written by repaint: its header has no '{KEY}' JSON")
+        raise CheckpointError(foreign)
     return header, header.pop(HASH, None)

@@ -1,15 +1,26 @@
 """What earlier runs left in their folders."""
 
-import csv
-import json
+import os
+from array import array
+from collections.abc import Sequence
 from dataclasses import dataclass
+from math import isfinite
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, NonNegativeInt, ValidationError, field_validator
 
+from repaint_cli.config import first_problem
 from repaint_cli.errors import CheckpointError, NotFound
+from repaint_cli.methods import ALGORITHMS, METHODS
+from repaint_cli.reading import read_json, read_rows
 from repaint_cli.tasks import TaskCard
+
+NUMBERS = (
+    "eval_return", "eval_progress", "env_steps", "kickstart_coef", "kept_fraction", "seconds",
+)  # fmt: skip
+"""The columns of metrics.csv that runs are compared by."""
 
 
 @dataclass(frozen=True)
@@ -22,7 +33,7 @@ class Run:
     task: TaskCard
     """The target task, with the settings it was trained with."""
     rows: dict[str, np.ndarray]
-    """The numbers of metrics.csv by column, (S, K); nan where a column is empty."""
+    """The `NUMBERS` of metrics.csv by column, (S, K); nan where a cell is empty."""
 
     @property
     def method(self) -> str:
@@ -64,35 +75,78 @@ def read_run(folder: Path) -> Run:
         NotFound: there is no run.
         CheckpointError: its files are damaged.
     """
-    if not (folder / "run.json").is_file():
+    if not os.path.exists(folder / "run.json"):
         raise NotFound(f"expected a run's folder with run.json, found none at {folder}")
+    record = read_json(folder / "run.json", CheckpointError)
+    if isinstance(record, dict) and record.get("schema_version") == 1:  # which knew one teacher
+        record["teachers"] = [record["teacher"]] if record.get("teacher") else []
     try:
-        record = json.loads((folder / "run.json").read_text(encoding="utf-8"))
-        if record.get("schema_version") == 1:  # which knew one teacher at most
-            record["teachers"] = [record["teacher"]] if record["teacher"] else []
-        task = TaskCard.parse(record["task"], str(folder / "run.json"))
-        rows = _columns(folder / "metrics.csv", [str(seed) for seed in record["seeds"]])
-        for name, found in (("method", record), ("teachers", record), ("eval_return", rows)):
-            if name not in found:
-                raise KeyError(name)
-    except (OSError, ValueError, LookupError, TypeError, AttributeError) as error:
-        raise CheckpointError(f"{folder} is damaged: {type(error).__name__}: {error}") from error
+        known = _Known.model_validate(record)
+    except ValidationError as error:
+        raise CheckpointError(f"{folder}/run.json is damaged: {first_problem(error)}") from error
+    task = TaskCard.parse(known.task, str(folder / "run.json"))
+    try:
+        rows = _columns(folder / "metrics.csv", known.seeds)
+    except ValueError as error:
+        raise CheckpointError(f"{folder}/metrics.csv is damaged: {error}") from error
     return Run(folder, record, task, rows)
 
 
-def _columns(path: Path, seeds: list[str]) -> dict[str, np.ndarray]:
-    with path.open(encoding="utf-8", newline="") as file:
-        reader = csv.DictReader(file)
-        rows = list(reader)
-    names = [name for name in reader.fieldnames or () if name not in ("seed", "phase")]
-    mine = {seed: [row for row in rows if row["seed"] == seed] for seed in seeds}
+class _Teacher(BaseModel):
+    """What run.json must say of a teacher."""
+
+    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9._-]+$")]
+
+
+class _Known(BaseModel):
+    """What run.json must say; the rest of it is for people."""
+
+    model_config = ConfigDict(strict=True)
+
+    method: str
+    algorithm: str = "ppo"
+    automatic: bool = False
+    seeds: Annotated[list[NonNegativeInt], Field(min_length=1)]
+    teachers: list[_Teacher]
+    task: dict[str, Any]
+
+    @field_validator("method", "algorithm")
+    @classmethod
+    def _ours(cls, name: str) -> str:
+        if name not in {*METHODS, *ALGORITHMS}:
+            raise ValueError("expected a method or an algorithm of ours")
+        return name
+
+    @field_validator("seeds")
+    @classmethod
+    def _once(cls, seeds: list[int]) -> list[int]:
+        if len(set(seeds)) < len(seeds):
+            raise ValueError("expected every seed once")
+        return seeds
+
+
+def _columns(path: Path, seeds: Sequence[int]) -> dict[str, np.ndarray]:
+    """Return the numbers by column, (S, K), of the iterations that every seed has.
+
+    Raises:
+        CheckpointError: the file cannot be read.
+        ValueError: a cell is no number, or a row out of place.
+    """
+    mine = {str(seed): array("d") for seed in seeds}
+    for row in read_rows(path, CheckpointError, ("iteration", "seed", *NUMBERS)):
+        own = mine.get(row["seed"])
+        if own is None:
+            raise ValueError(f"expected the seeds of run.json, found '{row['seed']:.20}'")
+        if row["iteration"] != str(len(own) // len(NUMBERS) + 1):
+            raise ValueError(
+                f"expected iterations 1, 2, … of seed {row['seed']}, found '{row['iteration']:.20}'"
+            )
+        own.extend(float(row[name] or "nan") for name in NUMBERS)
+        if not isfinite(own[-len(NUMBERS)]):
+            raise ValueError(f"expected a finite eval_return, found '{row['eval_return']:.20}'")
     length = min(len(own) for own in mine.values())
-    return {
-        name: np.array(
-            [[float(row[name] or "nan") for row in own[:length]] for own in mine.values()]
-        )
-        for name in names
-    }
+    table = np.array([own[:length] for own in mine.values()]).reshape(len(mine), -1, len(NUMBERS))
+    return {name: table[..., c].copy() for c, name in enumerate(NUMBERS)}
 
 
 def newest_run(root: Path) -> Path:

@@ -51,9 +51,6 @@ class ActorCritic:
     """
 
     def __init__(self, spaces: Spaces, net: NetConfig, n_seeds: int) -> None:
-        if (net.kind == "cnn") != spaces.image:
-            wanted = "an image" if net.kind == "cnn" else "a vector"
-            raise CardError(f"net.kind '{net.kind}' reads {wanted}, the task gives {spaces}")
         self.spaces, self.net, self.n_seeds = spaces, net, n_seeds
         self._towers = {tower: list(_tower(tower, spaces, net)) for tower in ("policy", "value")}
         self.leaves = self._towers["policy"] + self._towers["value"]
@@ -172,8 +169,31 @@ def brightness(images: Tensor, pool: int) -> Tensor:
     return x / (255 * pool * pool)
 
 
+def leaves_of(spaces: Spaces, net: NetConfig) -> Iterator[tuple[str, tuple[int, ...], str]]:
+    """Name all that a file keeps of one seed's networks, with its shape and type, one by one.
+
+    Nothing is allocated, so that a file may be compared with what its card says.
+
+    Raises:
+        CardError: such networks do not read such observations.
+    """
+    for tower in ("policy", "value"):
+        for leaf in _tower(tower, spaces, net):
+            yield leaf.name, leaf.shape, "float32"
+    if not spaces.image:
+        yield from ((f"normalizer.{name}", spaces.obs_shape, "float64") for name in ("mean", "var"))
+        yield "normalizer.count", (), "float64"
+
+
 def _tower(tower: str, spaces: Spaces, net: NetConfig) -> Iterator[Leaf]:
-    """Name the parameters of a policy or a critic, in order."""
+    """Name the parameters of a policy or a critic, in order.
+
+    Raises:
+        CardError: such networks do not read such observations.
+    """
+    if (net.kind == "cnn") != spaces.image:
+        wanted = "an image" if net.kind == "cnn" else "a vector"
+        raise CardError(f"net.kind '{net.kind}' reads {wanted}, the task gives {spaces}")
     if spaces.image:
         size = yield from _eyes(tower, spaces, net)
         yield from _layer(f"{tower}.dense", size, net.dense, sqrt(2))

@@ -1,6 +1,7 @@
 """How alike two tasks are, by the weights of their reward terms (paper, section 6)."""
 
-from math import sqrt
+from collections.abc import Mapping
+from math import hypot
 
 from repaint_cli.simulators import GymEnv
 from repaint_cli.tasks import TaskCard
@@ -18,8 +19,15 @@ def cosine(first: TaskCard, second: TaskCard) -> float | None:
         return None
     if isinstance(first.env, GymEnv) and w1.keys() != w2.keys():
         return None
-    dot = sum(w1[name] * w2[name] for name in w1.keys() & w2.keys())
-    return dot / sqrt(sum(w * w for w in w1.values()) * sum(w * w for w in w2.values()))
+    w1, w2 = _direction(w1), _direction(w2)
+    return sum(w1[name] * w2[name] for name in w1.keys() & w2.keys())
+
+
+def _direction(weights: Mapping[str, float]) -> dict[str, float]:
+    """Return w / ‖w‖; first of the largest, for the squares of tiny and huge numbers are lost."""
+    largest = max(abs(w) for w in weights.values())
+    length = hypot(*(w / largest for w in weights.values()))
+    return {name: w / largest / length for name, w in weights.items()}
 
 
 def relation(teacher: TaskCard, target: TaskCard) -> str:

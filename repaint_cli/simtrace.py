@@ -9,7 +9,13 @@ model/model_metadata.json  ip/hyperparameters.json  reward_function.py
 import csv
 import io
 import json
+import re
+import sys
+from array import array
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import groupby
+from math import isfinite
+from operator import itemgetter
 from pathlib import Path
 from time import time
 from typing import Any
@@ -19,6 +25,7 @@ import numpy as np
 from repaint_cli.deepracer import hyperparameters, model_metadata
 from repaint_cli.errors import CheckpointError, StoreError
 from repaint_cli.files import as_json, write_text
+from repaint_cli.reading import read_json, read_rows, read_text
 from repaint_cli.simulators import RacerEnv, load_track
 from repaint_cli.tasks import TaskCard
 from repaint_cli.traces import Trace
@@ -29,6 +36,12 @@ COLUMNS = (
     "pause_duration", "obstacle_crash_counter", "wall_clock",
 )  # fmt: skip
 """Of a simtrace, in DeepRacer's order."""
+
+NUMBERS = (
+    "X", "Y", "yaw", "steer", "throttle", "action", "reward", "progress", "closest_waypoint",
+    "obstacle_crash_counter",
+)  # fmt: skip
+"""Those of them that a trace is made of; older logs have no crashes."""
 
 TRAINING, METRICS = "training-simtrace", "metrics/TrainingMetrics.json"
 
@@ -132,9 +145,9 @@ class Simtrace:
     def _holds_training(self) -> bool:
         """Tell whether the folder's log is of a training, and not of an earlier evaluation."""
         try:
-            noted = json.loads((self.folder / METRICS).read_text(encoding="utf-8"))["metrics"]
+            noted = read_json(self.folder / METRICS, StoreError)["metrics"]
             return any(item["phase"] == "training" for item in noted)
-        except (OSError, ValueError, LookupError, TypeError):
+        except (StoreError, LookupError, TypeError):
             return (self.folder / TRAINING).is_dir()
 
     def _write_settings(self, task: TaskCard, env: RacerEnv, known: bool) -> None:
@@ -147,7 +160,7 @@ class Simtrace:
         for place, text in texts.items():
             path = self.folder / place
             used = (self.folder / TRAINING).is_dir() and not known
-            if used and (path.read_text(encoding="utf-8") if path.is_file() else None) != text:
+            if used and (read_text(path, StoreError) if path.exists() else None) != text:
                 raise StoreError(
                     f"{self.folder} holds logs of other settings: its {place} differs; "
                     "name another folder"
@@ -208,30 +221,46 @@ def log_folders(run: Path, seeds: Sequence[int]) -> list[Path]:
 
 def read_training(folder: Path) -> Iterator[tuple[int, list[Trace]]]:
     """Yield the training episodes of a log folder by iteration, k from 1, in order."""
-    files = folder.glob(f"{TRAINING}/*-iteration.csv")
+    files = [path for path in folder.glob(f"{TRAINING}/*-iteration.csv") if _ITERATION(path.name)]
     for path in sorted(files, key=lambda file: int(file.name.partition("-")[0])):
         yield int(path.name.partition("-")[0]) + 1, read_simtrace(path)
 
 
+_ITERATION = re.compile(r"[0-9]{1,9}-iteration\.csv").fullmatch
+
+
 def read_simtrace(path: Path) -> list[Trace]:
-    """Read a file of ours or of DeepRacer's."""
-    with path.open(encoding="utf-8", newline="") as file:
-        rows = list(csv.DictReader(file))
-    starts = [i for i, row in enumerate(rows) if i == 0 or row["episode"] != rows[i - 1]["episode"]]
-    return [_trace(rows[a:b]) for a, b in zip(starts, [*starts[1:], len(rows)], strict=True)]
+    """Read a file of ours or of DeepRacer's.
+
+    Raises:
+        CheckpointError: it cannot be read, or holds something else.
+    """
+    rows = read_rows(path, CheckpointError, ("episode", "episode_status", *NUMBERS[:-1]))
+    try:
+        return [_trace(list(steps)) for _, steps in groupby(map(_step, rows), key=itemgetter(0))]
+    except ValueError as error:
+        raise CheckpointError(f"{path} is damaged: {error}") from error
 
 
-def _trace(rows: list[dict[str, str]]) -> Trace:
-    def numbers(name: str) -> np.ndarray:
-        return np.array([float(row.get(name) or 0) for row in rows])
+def _step(row: dict[str, str]) -> tuple[str, str, "array[float]"]:
+    """Return a step's episode, its status and its numbers; a log has many, so as few bytes."""
+    numbers = array("d", (float(row.get(name) or 0) for name in NUMBERS))
+    numbers.append(row.get("all_wheels_on_track") == "True")
+    if not all(map(isfinite, numbers)):
+        raise ValueError("expected finite numbers")
+    return sys.intern(row["episode"]), sys.intern(row["episode_status"]), numbers
 
+
+def _trace(steps: "list[tuple[str, str, array[float]]]") -> Trace:
+    table = np.array([numbers for *_, numbers in steps])
+    whole = dict(zip((*NUMBERS, "on"), table.T, strict=True))
     return Trace(
-        **{name.lower(): numbers(name) for name in ("X", "Y", "yaw", "steer", "throttle")},
-        action=numbers("action").astype(int),
-        reward=numbers("reward"),
-        all_wheels_on_track=np.array([row["all_wheels_on_track"] == "True" for row in rows]),
-        progress=numbers("progress"),
-        closest_waypoint=numbers("closest_waypoint").astype(int),
-        crashes=numbers("obstacle_crash_counter").astype(int),
-        status=rows[-1]["episode_status"],
+        **{name.lower(): whole[name] for name in ("X", "Y", "yaw", "steer", "throttle")},
+        action=whole["action"].astype(int),
+        reward=whole["reward"],
+        all_wheels_on_track=whole["on"] == 1,
+        progress=whole["progress"],
+        closest_waypoint=whole["closest_waypoint"].astype(int),
+        crashes=whole["obstacle_crash_counter"].astype(int),
+        status=steps[-1][1],
     )

@@ -3,6 +3,9 @@
 Nothing here imports a simulator before it is needed.
 """
 
+import os
+import re
+from math import prod
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -11,6 +14,7 @@ from pydantic import Field, field_validator
 from repaint_cli.config import EvalConfig, Settings
 from repaint_cli.errors import CardError, NotFound
 from repaint_cli.paths import shipped
+from repaint_cli.reading import read_bytes
 
 if TYPE_CHECKING:
     from gymnasium.vector import VectorEnv
@@ -165,6 +169,15 @@ class RacerEnv(Settings):
         return self.max_steps
 
 
+_ARRAY = re.compile(
+    rb"\x93NUMPY(?:\x01\0..|[\x02\x03]\0....)"
+    rb"\{'descr': '(?P<dtype>[<>|][fiuc](?P<bytes>\d{1,2}))', "
+    rb"'fortran_order': (?P<columns>True|False), 'shape': \((?P<shape>[\d, ]{0,60})\), \} *\n",
+    re.DOTALL,
+)
+"""What numpy.save writes before an array of numbers: read so, nothing has to be evaluated."""
+
+
 def load_track(name: str) -> "Track":
     """Read a shipped track by name, or a file of waypoints (N, 6) by its path (`my-track.npy`).
 
@@ -184,15 +197,18 @@ def load_track(name: str) -> "Track":
             there = ", ".join(known)
             raise NotFound(f"unknown track '{name}'; there are {there}, and files that end in .npy")
         path = known[name]
-    try:
-        rows = np.load(path, allow_pickle=False)
-    except FileNotFoundError as error:
-        raise NotFound(f"expected a file of waypoints at '{path}', found none") from error
-    except (OSError, ValueError, EOFError) as error:
+    if not os.path.exists(path):  # which takes any name
+        raise NotFound(f"expected a file of waypoints at '{path}', found none")
+    data = read_bytes(path, CardError)
+    head = _ARRAY.match(data)
+    shape = [int(size) for size in re.findall(rb"\d+", head["shape"])] if head else []
+    if head is None or len(data) - head.end() != prod(shape) * int(head["bytes"]):
         raise CardError(
             f"expected an array (N, 6) of waypoints, as numpy.save writes it, found none in {path}"
-        ) from error
+        )
+    dtype, by_columns = head["dtype"].decode(), head["columns"] == b"True"
     try:
+        rows = np.ndarray(shape, dtype, data, head.end(), order="F" if by_columns else "C")
         return Track.from_waypoints(rows, path.stem)
-    except ValueError as error:
+    except (ValueError, TypeError) as error:
         raise CardError(f"{path}: {error}") from error

@@ -17,12 +17,15 @@ from repaint_cli.learn.learner import Learner
 from repaint_cli.learn.transitions import Experience, Transitions
 from repaint_cli.nets import ActorCritic
 
+NETWORKS = "net/"
+"""What the leaves of policies and critics begin with."""
+
 _B = TypeVar("_B", bound=Transitions)
 
 
 def save_learner(path: Path, learner: Learner, notes: Mapping[str, Any]) -> None:
     """Write all that a learner is (policies, critics, optimiser, counters), and notes as JSON."""
-    tensors = _under("net/", policy_tensors(learner.student))
+    tensors = _under(NETWORKS, policy_tensors(learner.student))
     tensors |= _under("adam/", learner.optimizer.state())
     tensors |= _under("last/", _last(learner))
     if learner.measured:
@@ -66,7 +69,7 @@ def load_learner(path: Path, learner: Learner) -> dict[str, Any]:
 def _put(
     path: Path, tensors: Mapping[str, Tensor], notes: Mapping[str, Any], learner: Learner
 ) -> None:
-    load_policy(learner.student, _parts(tensors, "net/"), str(path))
+    load_policy(learner.student, _parts(tensors, NETWORKS), str(path))
     learner.optimizer.load(_parts(tensors, "adam/"))
     last = _parts(tensors, "last/")
     learner.last_moments = (last["mean"], last["std"])
@@ -88,7 +91,7 @@ def load_networks(path: Path, network: ActorCritic) -> None:
         CheckpointError: the file is damaged, or of another network.
     """
     tensors, _ = load(path)
-    load_policy(network, _parts(tensors, "net/"), str(path))
+    load_policy(network, _parts(tensors, NETWORKS), str(path))
 
 
 def _under(prefix: str, tensors: Mapping[str, Tensor]) -> dict[str, Tensor]:

@@ -17,6 +17,7 @@ from repaint_cli.config import (
     SelectConfig,
     Settings,
     TransferConfig,
+    first_problem,
 )
 from repaint_cli.errors import CardError, NotFound
 from repaint_cli.simulators import GymEnv, RacerEnv
@@ -60,6 +61,14 @@ class TaskCard(Settings):
     eval: EvalConfig = Field(default_factory=EvalConfig)
     """Evaluation."""
 
+    @field_validator("name")
+    @classmethod
+    def _of_one_folder(cls, name: str) -> str:
+        """Refuse names that lead elsewhere: the folder of a task's runs is called so, too."""
+        if not name.isprintable() or set(name) & set("/\\[]") or name in ("", ".", ".."):
+            raise ValueError("expected a name that a folder can have, without / \\ [ ]")
+        return name
+
     @field_validator("reward")
     @classmethod
     def _some_weight(cls, weights: dict[str, float]) -> dict[str, float]:
@@ -92,7 +101,7 @@ class TaskCard(Settings):
         try:
             return cls.model_validate(data)
         except ValidationError as error:
-            raise CardError(f"{where}: {_first_problem(error)}") from error
+            raise CardError(f"{where}: {first_problem(error)}") from error
 
     def with_settings(self, settings: list[str]) -> "TaskCard":
         """Return the card with `section.key=value` settings applied; values are TOML or words.
@@ -172,19 +181,3 @@ def _toml_value(text: str) -> Any:
         return tomllib.loads(f"value = {text}")["value"]
     except tomllib.TOMLDecodeError:
         return text
-
-
-def _first_problem(error: ValidationError) -> str:
-    problems = error.errors()
-    same = [problem for problem in problems if problem["loc"][:2] == problems[0]["loc"][:2]]
-    problem = max(same, key=lambda problem: len(problem["loc"]))  # of several kinds, the nearest
-    kinds = ("[", "constrained-")  # of a value that may be of several, which pydantic names too
-    loc = [str(part) for part in problem["loc"] if not any(kind in str(part) for kind in kinds)]
-    if loc[:1] == ["env"]:
-        del loc[1:2]  # the simulator, which pydantic names too
-    where = ".".join(loc)
-    if problem["type"] == "extra_forbidden":
-        return f"unknown key '{where}'"
-    found = "" if problem["type"] == "missing" else f", found {problem['input']!r}"
-    wanted = problem["msg"].removeprefix("Value error, ").replace("Input should be", "expected")
-    return f"{where}: {wanted}{found}"

@@ -1,4 +1,4 @@
-"""Whether a teacher is what its file says: whole, sound, fit for its own task, as good as its score."""
+"""Whether a teacher is what its file says: whole, sound, fit for its task, worth its score."""
 
 from pathlib import Path
 

@@ -2,14 +2,20 @@
 
 import os
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
-from pydantic import ValidationError, model_validator
+from pydantic import (
+    NonNegativeInt,
+    PositiveInt,
+    ValidationError,
+    field_validator,
+    model_validator,
+)
 
-from repaint_cli.config import Settings
+from repaint_cli.config import Settings, first_problem
 from repaint_cli.errors import CheckpointError, NotFound, StoreError, TeacherMismatch
 from repaint_cli.files import read_hash, read_header
 from repaint_cli.paths import shipped, user_zoo
@@ -24,6 +30,9 @@ NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
 
 SUFFIX = ".safetensors"
 
+NAMES = "1 to 64 letters, digits, '.', '_' or '-'"
+"""The same for people."""
+
 
 class Score(Settings):
     """A deterministic evaluation on seeds that training never saw."""
@@ -34,7 +43,7 @@ class Score(Settings):
     """Lower end of its 95 % bootstrap confidence interval over episodes."""
     high: float
     """Upper end."""
-    episodes: int
+    episodes: PositiveInt
     """How many episodes."""
     progress: float | None = None
     """Mean share of a lap, in %, on the track."""
@@ -51,23 +60,23 @@ class TeacherCard(Settings):
     """What it is called."""
     task: TaskCard
     """The task it was trained on, whole."""
-    obs_shape: tuple[int, ...]
+    obs_shape: tuple[PositiveInt, ...]
     """O."""
-    n_actions: int
+    n_actions: PositiveInt
     """A."""
     discrete: bool
     """Whether actions are numbers."""
-    n_beams: int = 0
+    n_beams: NonNegativeInt = 0
     """Ranges of a lidar beside an image."""
     algorithm: str = "ppo"
     """What trained it; the policy of q-learning has Q for its logits, and no critic."""
     method: str
     """How it was trained."""
-    seed: int
+    seed: NonNegativeInt
     """Its run seed."""
-    iteration: int
+    iteration: NonNegativeInt
     """After which iteration it was kept."""
-    env_steps: int
+    env_steps: NonNegativeInt
     """Environment steps it had taken by then."""
     score: Score | None = None
     """How well it does its own task."""
@@ -88,6 +97,21 @@ class TeacherCard(Settings):
             return {"parents": [parent] if parent else []} | rest
         return data
 
+    @field_validator("name")
+    @classmethod
+    def _of_a_file(cls, name: str) -> str:
+        """Refuse names that `check_name` does: folders are called so, too."""
+        if not NAME.fullmatch(name):
+            raise ValueError(f"expected {NAMES}")
+        return name
+
+    @field_validator("obs_shape")
+    @classmethod
+    def _vector_or_image(cls, shape: tuple[int, ...]) -> tuple[int, ...]:
+        if len(shape) not in (1, 3):
+            raise ValueError("expected the size of a vector, or the three of an image")
+        return shape
+
     @property
     def spaces(self) -> "Spaces":
         """What the policy reads and writes."""
@@ -100,7 +124,8 @@ class Glance(NamedTuple):
     """What a list shows of a teacher; read, not checked."""
 
     task: str
-    score: Mapping[str, float] | None
+    score: tuple[float, float, float] | None
+    """Mean, lower and upper end."""
     env_steps: int
 
 
@@ -137,7 +162,7 @@ def find(name: str) -> Path:
     Raises:
         NotFound: there is none.
     """
-    if name.endswith(SUFFIX) and Path(name).is_file():
+    if name.endswith(SUFFIX) and os.path.exists(name):
         return Path(name)
     known = teachers()
     if name not in known:
@@ -178,9 +203,11 @@ def glance(path: Path) -> Glance:
     """
     header = read_header(path)
     try:
-        return Glance(header["task"]["name"], header.get("score"), int(header["env_steps"]))
-    except (KeyError, TypeError, ValueError) as error:
-        raise CheckpointError(f"{path}: its card does not fit: {error}") from error
+        score = header.get("score")
+        found = (float(score["mean"]), float(score["low"]), float(score["high"])) if score else None
+        return Glance(str(header["task"]["name"]), found, int(header["env_steps"]))
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
+        raise CheckpointError(f"{path}: its card does not fit: {error!r}") from error
 
 
 def read_card(path: Path) -> TeacherCard:
@@ -192,11 +219,7 @@ def read_card(path: Path) -> TeacherCard:
     try:
         return TeacherCard.model_validate(read_header(path))
     except ValidationError as error:
-        problem = error.errors()[0]
-        where = ".".join(str(part) for part in problem["loc"])
-        raise CheckpointError(
-            f"{path}: its card does not fit: {where}: {problem['msg']}"
-        ) from error
+        raise CheckpointError(f"{path}: its card does not fit: {first_problem(error)}") from error
 
 
 def load_teacher(path: Path, n_seeds: int = 1) -> "tuple[ActorCritic, TeacherCard]":
@@ -204,14 +227,17 @@ def load_teacher(path: Path, n_seeds: int = 1) -> "tuple[ActorCritic, TeacherCar
 
     Raises:
         CheckpointError: the file is damaged or does not hold what its card says.
+        CardError: the card's networks do not read what it observes.
     """
-    from repaint_cli.checkpoint import load, load_policy
+    from repaint_cli.checkpoint import check_networks, load, load_policy
     from repaint_cli.nets import ActorCritic
 
     card = read_card(path)
+    where = f"teacher '{card.name}'"
+    check_networks(path, card.spaces, card.task.net, 1, where)
     tensors, _ = load(path)
     network = ActorCritic(card.spaces, card.task.net, n_seeds)
-    load_policy(network, tensors, f"teacher '{card.name}'")
+    load_policy(network, tensors, where)
     return network, card
 
 
@@ -255,9 +281,7 @@ def check_name(name: str) -> None:
         StoreError: it may not.
     """
     if not NAME.fullmatch(name):
-        raise StoreError(
-            f"expected a teacher's name of 1 to 64 letters, digits, '.', '_' or '-', found {name!r}"
-        )
+        raise StoreError(f"expected a teacher's name of {NAMES}, found {name!r}")
 
 
 def check_fits(cards: Sequence[TeacherCard], task: TaskCard, spaces: "Spaces") -> None:

@@ -21,14 +21,18 @@ from repaint_cli.plans import Plan, plan_of
 from repaint_cli.runs import Experiment, versions
 
 AS_WRITTEN = "ppo.compiled=false"  # what is compiled takes a while to load
-AUTO = ("transfer.phases=auto", "transfer.kickstart_schedule=auto", "select.rule=auto")
+AUTO = (
+    "transfer.phases=auto", "transfer.kickstart_schedule=auto", "select.rule=auto",
+    "transfer.iterations=12", "ppo.learning_rate=0.01",
+)  # fmt: skip
 LAP = (
     "env.max_steps=6", "ppo.n_episodes=3", "ppo.n_epochs=1", "net.conv=[[4,8,8]]", "net.dense=8"
 )  # fmt: skip
+NOISY = "ppo.learning_rate=0.1"  # whose best policy is not its last
 RUNS = {
-    "repaint": ("reach", "repaint", "ppo", (AS_WRITTEN, "ppo.learning_rate=0.1", "select.scale=student-batch")),
+    "repaint": ("reach", "repaint", "ppo", (AS_WRITTEN, NOISY, "select.scale=student-batch")),
     "compiled": ("reach", "kickstart", "ppo", ()),
-    "auto": ("reach", "repaint", "ppo", (AS_WRITTEN, *AUTO, "transfer.iterations=12", "ppo.learning_rate=0.01")),
+    "auto": ("reach", "repaint", "ppo", (AS_WRITTEN, *AUTO)),
     "relevance": ("reach", "instance", "ppo", (AS_WRITTEN, "select.rule=rbt")),
     "racer": ("racer-inner", "scratch", "ppo", LAP),
     "q-learning": (

@@ -11,8 +11,7 @@ FLOORS = [
     {"repaint_cli", "errors", "paths", "config", "kernels", "presets"},
     {
         "architecture",
-        "deepracer",
-        "files",
+        "reading",
         "envs",
         "distributions",
         "methods",
@@ -20,7 +19,7 @@ FLOORS = [
         "spaces",
         "report.statistics",
     },
-    {"simulators"},
+    {"simulators", "deepracer", "files"},
     {"tasks", "nets"},
     {"cards", "learn", "similarity", "reward_fit"},
     {"evaluate", "checkpoint", "history"},

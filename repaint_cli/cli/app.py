@@ -81,6 +81,7 @@ def _terminate(number: int, frame: FrameType | None) -> None:
 
 def _complain(message: str) -> None:
     from rich.console import Console
-    from rich.markup import escape
 
-    Console(stderr=True, soft_wrap=True).print(f"[red]error:[/red] {escape(message)}")
+    from repaint_cli.cli.words import literal
+
+    Console(stderr=True, soft_wrap=True).print(f"[red]error:[/red] {literal(message)}", emoji=False)

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from repaint_cli import traces, zoo
+from repaint_cli import checkpoint, traces, zoo
 from repaint_cli.cards import read_task
 from repaint_cli.cli.options import customize, seed_list
 from repaint_cli.cli.played import racing_summary, table
@@ -22,7 +22,7 @@ from repaint_cli.report.pictures import Colour, draw_trajectories, film
 from repaint_cli.runs import stamp
 from repaint_cli.simtrace import Simtrace
 from repaint_cli.simulators import GymEnv, RacerEnv
-from repaint_cli.snapshot import load_networks
+from repaint_cli.snapshot import NETWORKS, load_networks
 from repaint_cli.tasks import TaskCard
 
 FILMED = {"gymnasium": 5, "racer": 1}
@@ -69,11 +69,11 @@ def subject(what: str | None, task: str | None, root: Path) -> Subject:
     network, teacher = zoo.load_teacher(path)
     if card:
         zoo.check_fits([teacher], card, spaces_of(card))
-    if teacher.task.reward_code and not card:
-        code = teacher.task.reward_code.name
+    code = _code_of(teacher.task)
+    if code and not card:
         raise CardError(
-            f"'{teacher.name}' was trained with the reward function {code}, which is never run "
-            "from a teacher's file; name the task: --task my-task.toml"
+            f"'{teacher.name}' was trained with {code}, which is never run from a teacher's file; "
+            "name the task: --task my-task.toml"
         )
     target = card or teacher.task
     name = teacher.name if target == teacher.task else f"{teacher.name} on {target.name}"
@@ -82,14 +82,26 @@ def subject(what: str | None, task: str | None, root: Path) -> Subject:
     return Subject(name, network, [teacher.seed], target, folder, following)
 
 
+def _code_of(task: TaskCard) -> str | None:
+    """Return what of a task is somebody's own code: a reward function, or an imported module."""
+    if task.reward_code:
+        return f"the reward function {task.reward_code.name}"
+    if isinstance(task.env, GymEnv) and ":" in task.env.id:
+        return f"the module of {task.env.id}"
+    return None
+
+
 def policies(run: Run) -> ActorCritic:
     """Return a run's last policies.
 
     Raises:
         CheckpointError: its checkpoint is damaged.
     """
-    network = ActorCritic(spaces_of(run.task), run.task.net, len(run.record["seeds"]))
-    load_networks(run.folder / CHECKPOINT, network)
+    path, like = run.folder / CHECKPOINT, (spaces_of(run.task), run.task.net)
+    seeds = len(run.record["seeds"])
+    checkpoint.check_networks(path, *like, seeds, str(path), NETWORKS)
+    network = ActorCritic(*like, seeds)
+    load_networks(path, network)
     return network
 
 

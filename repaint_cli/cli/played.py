@@ -3,6 +3,7 @@
 import numpy as np
 from rich.table import Table
 
+from repaint_cli.cli.words import literal
 from repaint_cli.evaluate import Episodes
 from repaint_cli.report.statistics import mean_ci
 
@@ -26,7 +27,7 @@ def table(name: str, seeds: list[int], played: Episodes) -> Table:
     racing = played.progress is not None
     more = ["progress, %", "laps", "lap time, s", "crashes, %"] if racing else ["length"]
     heads = ("seed", "return [95 % CI]", *more)
-    rows = Table(*heads, title=name, title_justify="left", box=None, padding=(0, 1, 0, 0))
+    rows = Table(*heads, title=literal(name), title_justify="left", box=None, padding=(0, 1, 0, 0))
     for s, seed in enumerate(seeds):
         cells = laps(played, s) if racing else [f"{played.lengths[s].mean():.0f}"]
         rows.add_row(str(seed), interval(played.returns[s]), *cells)

@@ -6,15 +6,15 @@ from types import TracebackType
 import numpy as np
 from rich.console import Console, Group
 from rich.live import Live
-from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.text import Text
 
 from repaint_cli.alarms import Alarm
+from repaint_cli.cli.words import literal
 from repaint_cli.metrics import Report
 from repaint_cli.runs import Experiment
 
-out = Console(soft_wrap=True, highlight=False)
+out = Console(soft_wrap=True, highlight=False, emoji=False)
 
 
 class Screen:
@@ -62,7 +62,7 @@ class Screen:
         else:
             out.print(f"iteration {report.stats.iteration}/{self._total} · {numbers}")
         for alarm in alarms:
-            out.print(f"[yellow]warning:[/yellow] {escape(alarm.text)}")
+            out.print(f"[yellow]warning:[/yellow] {literal(alarm.text)}")
 
 
 def numbers_of(report: Report) -> str:

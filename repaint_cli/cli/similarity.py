@@ -79,18 +79,19 @@ def _print_matrix(cards: "list[TaskCard]") -> None:
     from rich.console import Console
     from rich.table import Table
 
+    from repaint_cli.cli.words import literal
     from repaint_cli.similarity import cosine, relation
 
     out, left = Console(), list(cards)
     while left:
         group = [card for card in left if card is left[0] or cosine(left[0], card) is not None]
         left = [card for card in left if card not in group]
-        table = Table("teacher \\ target", *(card.name for card in group), box=None)
+        table = Table("teacher \\ target", *(literal(card.name) for card in group), box=None)
         for a in group:
             cells = (
                 f"{cosine(a, b):.3f}{'*' if 'sub-task' in relation(a, b) else ''}" for b in group
             )
-            table.add_row(a.name, *cells)
+            table.add_row(literal(a.name), *cells)
         out.print(table)
         out.print()
     out.print("above 0: similar; else different; *: the teacher's task is a sub-task of the target")

@@ -4,6 +4,7 @@ import numpy as np
 from rich.table import Table
 
 from repaint_cli.cli.screen import out
+from repaint_cli.cli.words import literal
 from repaint_cli.report.comparison import Comparison, Estimate, Standing
 
 
@@ -12,11 +13,11 @@ def print_comparison(found: Comparison) -> None:
     if found.target is None:
         out.print("target: unknown without a run from scratch; name one with --target")
     else:
-        out.print(f"[bold]{found.task}[/bold], target {found.goal}")
+        out.print(f"[bold]{literal(found.task)}[/bold], target {literal(found.goal)}")
         out.print(_to_target(found))
     out.print(_scores(found))
     for sentence in verdicts(found):
-        out.print(sentence)
+        out.print(literal(sentence))
     out.print(
         "K: iteration at which the mean over seeds is at the target; steps: a seed's until then, "
         "teachers' counted; first, final: the first evaluation, the last's interquartile mean; "
@@ -40,7 +41,7 @@ def _to_target(found: Comparison) -> Table:
                 duration(row.seconds),
             ]
         each = ["never" if np.isnan(k) else f"{k:.0f}" for k in row.reached_each]
-        table.add_row(row.label, *cells, ", ".join(each))
+        table.add_row(literal(row.label), *cells, ", ".join(each))
     return table
 
 
@@ -49,8 +50,8 @@ def _scores(found: Comparison) -> Table:
     for row in found.standings:
         p = "-" if np.isnan(row.chance) else f"{row.chance:.2g}"
         table.add_row(
-            row.label, str(row.seeds), short(row.first[0]), interval(row.area), short(row.best),
-            interval(row.final), p,
+            literal(row.label), str(row.seeds), short(row.first[0]), interval(row.area),
+            short(row.best), interval(row.final), p,
         )  # fmt: skip
     return table
 

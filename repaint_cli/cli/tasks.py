@@ -28,21 +28,21 @@ def list_tasks() -> None:
 def show(name: Name) -> None:
     """Show a task's settings, all of them, with what each means."""
     from rich.console import Console
-    from rich.markup import escape
 
     from repaint_cli.cards import read_task
+    from repaint_cli.cli.words import literal
 
-    card, out = read_task(name), Console()
-    out.print(f"[bold]{card.name}[/bold]: {escape(card.summary)}")
+    card, out = read_task(name), Console(emoji=False)
+    out.print(f"[bold]{literal(card.name)}[/bold]: {literal(card.summary)}")
     for section, settings in card.model_dump().items():
         if not isinstance(settings, dict):
             continue
-        out.print(f"\n[bold]{escape(f'[{section}]')}[/bold]")
+        out.print(f"\n[bold]{literal(f'[{section}]')}[/bold]")
         meaning = type(getattr(card, section)).sentences() if section != "reward" else {}
         for key, value in settings.items():
-            out.print(f"{key} = [cyan]{escape(str(value))}[/cyan]", highlight=False)
+            out.print(f"{literal(key)} = [cyan]{literal(value)}[/cyan]", highlight=False)
             if key in meaning:
-                out.print(f"    [dim]{escape(meaning[key])}[/dim]", highlight=False)
+                out.print(f"    [dim]{literal(meaning[key])}[/dim]", highlight=False)
 
 
 @tasks.command()
@@ -74,6 +74,7 @@ def check(
     A card is tried by one random step in its environment.
     """
     from repaint_cli.cards import read_task
+    from repaint_cli.cli.words import plain
     from repaint_cli.evaluate import try_out
 
     if name.endswith(".npy"):
@@ -81,7 +82,7 @@ def check(
     card = read_task(name)
     spaces, paid = try_out(card)
     card.check_rollout()
-    terms = ", ".join(f"{term} {value:.4g}" for term, value in paid.items())
+    terms = plain(", ".join(f"{term} {value:.4g}" for term, value in paid.items()))
     print(f"{card.name} is sound: {spaces}; reward terms of a random first step: {terms}")
 
 

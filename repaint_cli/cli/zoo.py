@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from repaint_cli.errors import CheckpointError
+from repaint_cli.errors import CardError, CheckpointError
 from repaint_cli.paths import user_zoo
 
 zoo = typer.Typer(no_args_is_help=True, help="List, show, check, export and remove teachers.")
@@ -18,13 +18,13 @@ def list_teachers(
     fits: Annotated[str | None, typer.Option(help="Only teachers that fit this task.")] = None,
 ) -> None:
     """List teachers: your own first, then the shipped ones."""
-    from repaint_cli.cli.screen import print_columns
+    from repaint_cli.cli.words import columns
     from repaint_cli.zoo import teachers
 
     known = teachers()
     names = _fitting(fits) if fits else list(known)
     rows = [(name, *_seen(known[name])) for name in names]
-    print_columns(("teacher", "task", "score [95 % CI]", "steps", "whose"), rows)
+    print(columns(("teacher", "task", "score [95 % CI]", "steps", "whose"), rows))
 
 
 def _seen(path: Path) -> tuple[str, str, str, str]:
@@ -35,7 +35,7 @@ def _seen(path: Path) -> tuple[str, str, str, str]:
         task, score, steps = glance(path)
     except CheckpointError:
         return "damaged", "-", "-", whose
-    text = f"{score['mean']:.4g} [{score['low']:.4g}, {score['high']:.4g}]" if score else "-"
+    text = "{:.4g} [{:.4g}, {:.4g}]".format(*score) if score else "-"
     return task, text, f"{steps:,}", whose
 
 
@@ -74,9 +74,10 @@ def verify(
 ) -> None:
     """Check that teachers are sound.
 
-    A whole file with the hash it was written with, finite weights of the right shapes, a sound card,
-    a policy that fits its own task.
+    A whole file with the hash it was written with, finite weights of the right shapes, a sound
+    card, a policy that fits its own task.
     """
+    from repaint_cli.cli.words import plain
     from repaint_cli.verify import verify
     from repaint_cli.zoo import find, teachers
 
@@ -85,8 +86,8 @@ def verify(
     for each in names:
         path = find(each)
         try:
-            print(f"{each}: {verify(path, again=score)}")
-        except CheckpointError as error:
+            print(f"{plain(each)}: {verify(path, again=score)}")
+        except (CheckpointError, CardError) as error:
             bad.append(f"{each}: {error}")
     if bad:
         raise CheckpointError("; ".join(bad))

@@ -54,6 +54,9 @@ def ramp() -> Colormap:
     return LinearSegmentedColormap.from_list("repaint", stops)
 
 
+matplotlib.rcParams["text.parse_math"] = False  # names are drawn as they are, $ and all
+
+
 def new_figure(width: float, height: float) -> Figure:
     """Make an empty white figure of so many inches."""
     figure = Figure(figsize=(width, height), dpi=DPI, layout="constrained", facecolor="white")

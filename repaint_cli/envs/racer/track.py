@@ -16,6 +16,11 @@ Floats = NDArray[np.float64]
 
 _SAME_POINT = 1e-9  # metres; many published tracks hold one row twice
 _LEAST_CORNERS = 4
+_MOST_ROWS = 5_000
+"""Every line is compared with itself, by the square of its rows."""
+_FARTHEST, _MOST_AREA, _LONGEST = 1e4, 2500.0, 1000.0
+"""Metres from the origin, square metres around the track, metres of a line: its ground is painted
+at 5 mm, and the largest of DeepRacer's tracks need a tenth of it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,7 +160,9 @@ def _checked_rows(waypoints: np.ndarray, name: str) -> Floats:
             f"track '{name}': expected finite numbers, found NaN, infinity or another type "
             f"({rows.dtype}); remove those rows"
         )
-    rows = rows.astype(np.float64)
+    with np.errstate(over="ignore"):  # of more than 64 bits
+        rows = rows.astype(np.float64)
+    _check_size(rows, name)
     if len(rows):
         moves = np.abs(np.diff(rows, axis=0)).max(axis=1) > _SAME_POINT
         rows = rows[np.concatenate([[True], moves])]
@@ -175,6 +182,26 @@ def _checked_rows(waypoints: np.ndarray, name: str) -> Floats:
             f"track to be far apart, found them {ends_apart:.3g} m apart; append the first row"
         )
     return rows
+
+
+def _check_size(rows: Floats, name: str) -> None:
+    """Refuse what cannot be painted or compared in reasonable time: mostly, other units than m."""
+    if len(rows) > _MOST_ROWS:
+        raise ValueError(
+            f"track '{name}': expected at most {_MOST_ROWS:,} rows, found {len(rows):,}; thin it"
+        )
+    if not len(rows):
+        return
+    if np.abs(rows).max() <= _FARTHEST:
+        area = float(np.ptp(rows[:, ::2]) * np.ptp(rows[:, 1::2]))
+        moves = np.diff(rows, axis=0).reshape(-1, 3, 2)
+        if area <= _MOST_AREA and np.hypot(moves[..., 0], moves[..., 1]).sum(0).max() <= _LONGEST:
+            return
+    raise ValueError(
+        f"track '{name}': expected a track within {_FARTHEST:,.0f} m of the origin, on at most "
+        f"{_MOST_AREA:,.0f} m², of lines of at most {_LONGEST:,.0f} m, found a larger one; "
+        "its unit is the metre"
+    )
 
 
 def _check_lap(centre: Floats, inner: Floats, outer: Floats, what: str) -> None:
