@@ -28,7 +28,7 @@ FLOORS = [
     {"simtrace"},
     {"teaching", "alarms", "measuring"},
     {"runs"},
-    {"report"},
+    {"report", "foreign"},
     {"cli"},
     {"__main__"},
 ]
@@ -43,6 +43,7 @@ KNOW_TORCH = {
     "teaching",
     "runs",
     "report",
+    "foreign",
 }
 """All others leave it out, so that `repaint --help` and `repaint similarity` are quick."""
 

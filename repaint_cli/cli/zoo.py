@@ -1,14 +1,16 @@
-"""`repaint zoo list | show | verify`."""
+"""`repaint zoo list | show | verify`; `add` has a file of its own."""
 
 import json
 from typing import Annotated
 
 import typer
 
+from repaint_cli.cli.zoo_add import add
 from repaint_cli.errors import CheckpointError
 from repaint_cli.paths import user_zoo
 
-zoo = typer.Typer(no_args_is_help=True, help="List, show and verify teachers.")
+zoo = typer.Typer(no_args_is_help=True, help="List, show, verify and add teachers.")
+zoo.command("add")(add)
 Name = Annotated[str, typer.Argument(help="A teacher's name or file.")]
 
 
