@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Literal
 
-from pydantic import Field, PositiveInt
+from pydantic import Field, PositiveFloat, PositiveInt
 
 from repaint_cli.config import Settings
 
@@ -37,7 +37,15 @@ class NetConfig(Settings):
     kind: Literal["mlp", "cnn"] = "mlp"
     """Dense layers on a vector, or convolutions on an image."""
     hidden: tuple[PositiveInt, ...] = (64, 64)
-    """Widths of the dense tanh layers of an `mlp`."""
+    """Widths of the dense layers of an `mlp`."""
+    value_hidden: tuple[PositiveInt, ...] | None = None
+    """Those of its critic, where they are others."""
+    activation: Literal["tanh", "relu", "elu"] = "tanh"
+    """What follows the dense layers of an `mlp`."""
+    obs_clip: PositiveFloat | Literal["none"] = 5.0
+    """Normalised vectors are clipped to ± this."""
+    obs_min_std: float = Field(0.1, ge=0)
+    """The least standard deviation that vectors are divided by."""
     conv: Literal["3-layer", "4-layer", "5-layer"] | tuple[Convolution, ...] = "3-layer"
     """One of the paper's by name, or (filters, kernel, stride) of each ReLU convolution."""
     dense: int = Field(512, gt=0)
@@ -46,6 +54,12 @@ class NetConfig(Settings):
     """Side of the squares of pixels averaged before the convolutions; 1 is the paper's size."""
     shared: bool = False
     """Whether policy and critic share the convolutions."""
+
+    def widths(self, tower: Literal["policy", "value"]) -> tuple[int, ...]:
+        """Return the widths of the dense layers of an `mlp`'s policy or critic."""
+        if tower == "policy" or self.value_hidden is None:
+            return self.hidden
+        return self.value_hidden
 
     @property
     def eyes(self) -> Eyes:

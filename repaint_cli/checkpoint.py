@@ -134,14 +134,14 @@ def check_networks(
 
 
 Form = tuple[tuple[int, ...], str]
+"""Shape and type."""
 
 
 def _check_forms(
     found: Mapping[str, Form], spaces: Spaces, net: NetConfig, n_seeds: int, where: str
 ) -> None:
-    known = set()
-    for name, shape, kind in leaves_of(spaces, net):
-        known.add(name)
+    forms = _forms_of(spaces, net)
+    for name, (shape, kind) in forms.items():
         if name not in found:
             raise CheckpointError(f"{where}: leaf '{name}' is missing in the file")
         theirs, their_kind = found[name]
@@ -151,5 +151,15 @@ def _check_forms(
                 f"{where}: leaf '{name}' is {theirs} {their_kind} in the file, "
                 f"{wanted} {kind} in the network"
             )
-    for name in sorted(found.keys() - known):
+    for name in sorted(found.keys() - forms.keys()):
         raise CheckpointError(f"{where}: leaf '{name}' is unknown to the network")
+
+
+def _forms_of(spaces: Spaces, net: NetConfig) -> dict[str, Form]:
+    """Return what a file keeps of one seed's networks; nothing is allocated."""
+    leaves = [leaf for tower in leaves_of(spaces, net).values() for leaf in tower]
+    forms: dict[str, Form] = {leaf.name: (leaf.shape, "float32") for leaf in leaves}
+    if not spaces.image:
+        forms |= {f"normalizer.{name}": (spaces.obs_shape, "float64") for name in ("mean", "var")}
+        forms["normalizer.count"] = ((), "float64")
+    return forms

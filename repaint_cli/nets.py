@@ -10,7 +10,7 @@ import warnings
 from collections.abc import Generator, Iterator, Sequence
 from dataclasses import dataclass
 from functools import reduce
-from math import prod, sqrt
+from math import inf, prod, sqrt
 from operator import add
 from typing import Any, Literal
 
@@ -26,6 +26,9 @@ from repaint_cli.normalizer import Normalizer
 from repaint_cli.spaces import Spaces
 
 Tower = Literal["policy", "value"]
+
+ACTIVATIONS = {"tanh": torch.tanh, "relu": torch.relu, "elu": F.elu}
+"""What may follow a dense layer, by its name on a card."""
 
 LIDAR = (256, 256)
 """Widths of the ReLU layers that read a lidar, beside the convolutions."""
@@ -52,15 +55,17 @@ class ActorCritic:
 
     def __init__(self, spaces: Spaces, net: NetConfig, n_seeds: int) -> None:
         self.spaces, self.net, self.n_seeds = spaces, net, n_seeds
-        self._towers = {tower: list(_tower(tower, spaces, net)) for tower in ("policy", "value")}
-        self.leaves = self._towers["policy"] + self._towers["value"]
-        self.n_policy = sum(prod(leaf.shape) for leaf in self._towers["policy"])
+        towers = leaves_of(spaces, net)
+        self.leaves = towers["policy"] + towers["value"]
+        self.n_policy = sum(prod(leaf.shape) for leaf in towers["policy"])
         total = sum(prod(leaf.shape) for leaf in self.leaves)
         self.storage = torch.zeros(n_seeds, total)
         self.gradients = torch.zeros(n_seeds, total)
         self.weights = dict(self._views())
         self._own = dict(self._seed_by_seed()) if spaces.image else {}
-        self.normalizer = None if spaces.image else Normalizer(n_seeds, spaces.obs_shape[0])
+        clip = inf if net.obs_clip == "none" else net.obs_clip
+        vector = (n_seeds, spaces.obs_shape[0], clip, net.obs_min_std)
+        self.normalizer = None if spaces.image else Normalizer(*vector)
 
     def _views(self) -> Iterator[tuple[str, Tensor]]:
         start = 0
@@ -113,9 +118,9 @@ class ActorCritic:
     def _forward(self, tower: Tower, obs: Any, counts: Sequence[int] | None) -> Tensor:
         if self.normalizer is None:
             return self._convolve(tower, obs, counts)
-        x = self.normalizer.normalize(obs)
-        for layer in range(len(self.net.hidden)):
-            x = torch.tanh(self._dense(x, f"{tower}.{layer}"))
+        x, bend = self.normalizer.normalize(obs), ACTIVATIONS[self.net.activation]
+        for layer in range(len(self.net.widths(tower))):
+            x = bend(self._dense(x, f"{tower}.{layer}"))
         return self._dense(x, f"{tower}.head")
 
     def _dense(self, x: Tensor, name: str) -> Tensor:
@@ -169,38 +174,28 @@ def brightness(images: Tensor, pool: int) -> Tensor:
     return x / (255 * pool * pool)
 
 
-def leaves_of(spaces: Spaces, net: NetConfig) -> Iterator[tuple[str, tuple[int, ...], str]]:
-    """Name all that a file keeps of one seed's networks, with its shape and type, one by one.
-
-    Nothing is allocated, so that a file may be compared with what its card says.
+def leaves_of(spaces: Spaces, net: NetConfig) -> dict[Tower, list[Leaf]]:
+    """Return the parameters of a policy and of a critic, in order, before there are any.
 
     Raises:
-        CardError: such networks do not read such observations.
-    """
-    for tower in ("policy", "value"):
-        for leaf in _tower(tower, spaces, net):
-            yield leaf.name, leaf.shape, "float32"
-    if not spaces.image:
-        yield from ((f"normalizer.{name}", spaces.obs_shape, "float64") for name in ("mean", "var"))
-        yield "normalizer.count", (), "float64"
-
-
-def _tower(tower: str, spaces: Spaces, net: NetConfig) -> Iterator[Leaf]:
-    """Name the parameters of a policy or a critic, in order.
-
-    Raises:
-        CardError: such networks do not read such observations.
+        CardError: the networks do not read what the task gives.
     """
     if (net.kind == "cnn") != spaces.image:
         wanted = "an image" if net.kind == "cnn" else "a vector"
         raise CardError(f"net.kind '{net.kind}' reads {wanted}, the task gives {spaces}")
+    towers: tuple[Tower, Tower] = ("policy", "value")
+    return {tower: list(_tower(tower, spaces, net)) for tower in towers}
+
+
+def _tower(tower: Tower, spaces: Spaces, net: NetConfig) -> Iterator[Leaf]:
+    """Name the parameters of a policy or a critic, in order."""
     if spaces.image:
         size = yield from _eyes(tower, spaces, net)
         yield from _layer(f"{tower}.dense", size, net.dense, sqrt(2))
         size = net.dense
     else:
         size = spaces.obs_shape[0]
-        for layer, width in enumerate(net.hidden):
+        for layer, width in enumerate(net.widths(tower)):
             yield from _layer(f"{tower}.{layer}", size, width, sqrt(2))
             size = width
     if tower == "value":

@@ -7,23 +7,28 @@ from torch import Tensor
 class Normalizer:
     """Running mean and standard deviation of each seed's observations, part of the policy.
 
-    Observations leave it as clip((x − mean) / max(std, 0.1), ±5); before its first update unchanged
-    but clipped.
+    Observations leave it as clip((x − mean) / max(std, min_std), ±clip); before its first update
+    unchanged but clipped.
     """
 
-    def __init__(self, n_seeds: int, n_features: int) -> None:
+    def __init__(
+        self, n_seeds: int, n_features: int, clip: float = 5.0, min_std: float = 0.1
+    ) -> None:
+        self.clip, self.min_std = clip, min_std
         self.mean = torch.zeros(n_seeds, n_features, dtype=torch.float64)
         self.var = torch.ones(n_seeds, n_features, dtype=torch.float64)
         self.count = torch.zeros(n_seeds, dtype=torch.float64)
         self._refresh()
 
     def _refresh(self) -> None:
-        self._shift = self.mean.float().unsqueeze(1)  # (S, 1, O)
-        self._scale = 1 / self.var.sqrt().clamp(min=0.1).float().unsqueeze(1)
+        # a deviation near 0 magnifies the rounding of the mean: what may be so is done in double
+        kind = torch.float32 if self.min_std else torch.float64
+        self._shift = self.mean.to(kind).unsqueeze(1)  # (S, 1, O)
+        self._scale = 1 / self.var.sqrt().clamp(min=self.min_std).to(kind).unsqueeze(1)
 
     def normalize(self, obs: Tensor) -> Tensor:
         """Return normalised observations (S, B, O) float32."""
-        return ((obs - self._shift) * self._scale).clamp(-5, 5)
+        return ((obs - self._shift) * self._scale).clamp(-self.clip, self.clip).float()
 
     def update(self, seed: int, obs: Tensor) -> None:
         """Take a seed's new observations (B, O) into its statistics (Chan et al. 1979)."""

@@ -119,13 +119,15 @@ def warm_start(student: ActorCritic, staff: Staff, task: TaskCard) -> None:
     """Put the first teacher's weights into every seed of the student.
 
     Raises:
-        TeacherMismatch: its networks are of another shape.
+        TeacherMismatch: its networks are others.
         CardError: log σ is to be set anew, but there is none.
     """
+    _check_same_networks(staff.cards[0], task)
     name, log_std = staff.cards[0].name, task.transfer.warm_start_log_std
     leaves = dict(checkpoint.policy_tensors(staff.teachers[0].network, 0))
     own = checkpoint.policy_tensors(student)
     if task.transfer.warm_start == "policy":
+        leaves = {n: leaf for n, leaf in leaves.items() if not n.startswith("value.")}
         leaves |= {n: leaf.clone() for n, leaf in own.items() if n.startswith("value.")}
     if log_std is not None:
         if "policy.log_std" not in own:
@@ -135,3 +137,16 @@ def warm_start(student: ActorCritic, staff: Staff, task: TaskCard) -> None:
         checkpoint.load_policy(student, leaves, f"teacher '{name}'")
     except CheckpointError as error:
         raise TeacherMismatch(f"a warm start needs equal networks: {error}") from error
+
+
+def _check_same_networks(card: zoo.TeacherCard, task: TaskCard) -> None:
+    """Check what leaves of equal shapes would not show: how dense networks see and bend."""
+    if task.net.kind != "mlp":
+        return
+    for key in ("activation", "obs_clip", "obs_min_std"):
+        theirs, ours = getattr(card.task.net, key), getattr(task.net, key)
+        if theirs != ours:
+            raise TeacherMismatch(
+                f"a warm start needs equal networks: teacher '{card.name}' has net.{key} {theirs}, "
+                f"task '{task.name}' has {ours}; try --set net.{key}={theirs}"
+            )

@@ -27,12 +27,20 @@ PLAIN = PPOConfig(
 )
 HAND = PLAIN.model_copy(update={"compiled": True})
 KINDS = pytest.mark.parametrize("discrete", [False, True], ids=["gaussian", "categorical"])
-NETS = pytest.mark.parametrize("hidden", [(), (8,), (16, 12), (8, 8, 8)], ids=str)
+NET = NetConfig(hidden=(16, 12))
+NETS = pytest.mark.parametrize(
+    "net",
+    [
+        *(NetConfig(hidden=hidden) for hidden in [(), (8,), (16, 12), (8, 8, 8)]),
+        NetConfig(hidden=(8,), value_hidden=(16, 12), obs_clip=1.0, obs_min_std=0),
+    ],
+    ids=lambda net: f"{net.hidden} {net.value_hidden}",
+)
 
 
-def learner(discrete, hidden=(16, 12), n_seeds=3):
+def learner(discrete, net=NET, n_seeds=3):
     """Students whose policies are not near uniform, after some observations, and their Adam."""
-    student = ActorCritic(Spaces((5,), 3, discrete=discrete), NetConfig(hidden=hidden), n_seeds)
+    student = ActorCritic(Spaces((5,), 3, discrete=discrete), net, n_seeds)
     rngs = [np.random.default_rng(s) for s in range(n_seeds)]
     student.initialize(rngs)
     for s, rng in enumerate(rngs):
@@ -43,7 +51,7 @@ def learner(discrete, hidden=(16, 12), n_seeds=3):
     return student, RowAdam(student, PLAIN.learning_rate)
 
 
-def samples(discrete, *counts, hidden=(16, 12), seed=0):
+def samples(discrete, *counts, net=NET, seed=0):
     """Samples with ratios inside and on both sides of the clip range, Â of both signs."""
     rng, longest = np.random.default_rng(seed), max(counts)
 
@@ -54,7 +62,7 @@ def samples(discrete, *counts, hidden=(16, 12), seed=0):
     if discrete:
         actions = actions.argmax(-1)
     with torch.no_grad():
-        log_probs = learner(discrete, hidden, len(counts))[0].policy(obs).log_prob(actions)
+        log_probs = learner(discrete, net, len(counts))[0].policy(obs).log_prob(actions)
     return Samples(
         frames=Frames(list(obs)),
         rows=torch.arange(longest).repeat(len(counts), 1),
@@ -79,11 +87,11 @@ def rngs(n=3):
     return [np.random.default_rng(10 + s) for s in range(n)]
 
 
-def both(discrete, hidden, learn):
+def both(discrete, net, learn):
     """Learn twice, plain and by hand; return what each told and who learned."""
     told, learned = [], []
     for ppo, by_other_means in ((PLAIN, patch.object(by_hand, "learn")), (HAND, no_autograd())):
-        student, optimizer = learner(discrete, hidden)
+        student, optimizer = learner(discrete, net)
         with by_other_means as never:
             told.append(learn(student, optimizer, ppo))
         never.assert_not_called()
@@ -107,8 +115,8 @@ def assert_same(told, learned, atol=1e-5):
 @KINDS
 @NETS
 @pytest.mark.parametrize("beta", [0.0, 0.7])
-def test_a_step_has_the_gradients_of_the_plain_one(discrete, hidden, beta):
-    batch = samples(discrete, 16, 16, 16, hidden=hidden)
+def test_a_step_has_the_gradients_of_the_plain_one(discrete, net, beta):
+    batch = samples(discrete, 16, 16, 16, net=net)
     advice = teacher(discrete, batch) if beta else None
 
     def learn(student, optimizer, ppo):
@@ -117,7 +125,7 @@ def test_a_step_has_the_gradients_of_the_plain_one(discrete, hidden, beta):
             student, optimizer, batch, once, rngs(), teacher=advice, beta=beta, rate=0.5
         )
 
-    told, learned = both(discrete, hidden, learn)
+    told, learned = both(discrete, net, learn)
     assert 0.2 < told[0]["clip_fraction"].mean() < 0.8
     assert_close(learned[1][0].gradients, learned[0][0].gradients, rtol=1e-5, atol=1e-6)
     assert learned[0][0].gradients.abs().max() > 0.1
@@ -126,14 +134,14 @@ def test_a_step_has_the_gradients_of_the_plain_one(discrete, hidden, beta):
 
 @KINDS
 @NETS
-def test_an_update_ends_where_the_plain_one_does_with_unequal_counts(discrete, hidden):
-    batch = samples(discrete, 50, 33, 7, hidden=hidden)
+def test_an_update_ends_where_the_plain_one_does_with_unequal_counts(discrete, net):
+    batch = samples(discrete, 50, 33, 7, net=net)
     advice = teacher(discrete, batch)
 
     def learn(student, optimizer, ppo):
         return learn_on_policy(student, optimizer, batch, ppo, rngs(), teacher=advice, beta=0.3)
 
-    told, learned = both(discrete, hidden, learn)
+    told, learned = both(discrete, net, learn)
     assert_same(told, learned)
     assert learned[1][1].steps[0].tolist() == [12, 9, 3]
 
@@ -145,7 +153,7 @@ def test_instances_move_policies_alone_and_a_seed_without_any_stays(discrete):
     def learn(student, optimizer, ppo):
         return learn_from_instances(student, optimizer, batch, ppo, rngs(), alpha_2=0.3)
 
-    told, learned = both(discrete, (16, 12), learn)
+    told, learned = both(discrete, NET, learn)
     assert_same(told, learned)
     untouched, _ = learner(discrete)
     hand, optimizer = learned[1]
@@ -185,7 +193,7 @@ def test_without_a_teacher_beta_is_nothing(discrete):
     def learn(student, optimizer, ppo):
         return learn_on_policy(student, optimizer, batch, ppo, rngs(), beta=0.7)
 
-    assert_same(*both(discrete, (16, 12), learn))
+    assert_same(*both(discrete, NET, learn))
 
 
 def test_a_minibatch_larger_than_the_samples_takes_no_more_room_than_they():
@@ -229,3 +237,15 @@ def test_tanh_is_tanh():
     x = x.astype(np.float32)
     assert_allclose([tanh(number) for number in x], np.tanh(x.astype(float)), rtol=3e-7)
     assert np.isnan(tanh(np.float32(np.nan)))
+
+
+@pytest.mark.parametrize("activation", ["relu", "elu"])
+def test_networks_without_tanh_learn_as_written(activation):
+    net, batch = NET.model_copy(update={"activation": activation}), samples(False, 16, 16, 16)
+    student, optimizer = learner(False, net)
+    before = student.storage.clone()
+    with patch.object(by_hand, "learn") as never:
+        learn_on_policy(student, optimizer, batch, HAND, rngs())
+        learn_from_instances(student, optimizer, batch, HAND, rngs())
+    never.assert_not_called()
+    assert (student.storage != before).float().mean() > 0.9

@@ -224,6 +224,9 @@ MISFITS = [
     (["transfer", "--task", "reacher", "--teacher", "narrow", "--method", "warm-start"],
      r"a warm start needs equal networks: teacher 'narrow': leaf 'policy.0.weight' is \(10, 32\) "
      r"float32 in the file, \(10, 64\) float32 in the network"),
+    ([*TRANSFER, "--method", "warm-start", "--set", "net.obs_clip=none"],
+     "a warm start needs equal networks: teacher 'old-hand' has net.obs_clip 5.0, task 'reacher' "
+     "has none; try --set net.obs_clip=5.0"),
 ]  # fmt: skip
 
 

@@ -28,7 +28,7 @@ FLOORS = [
     {"teaching", "alarms", "measuring"},
     {"past"},
     {"runs"},
-    {"report"},
+    {"report", "foreign"},
     {"cli"},
     {"__main__"},
 ]
@@ -45,6 +45,7 @@ KNOW_TORCH = {
     "teaching",
     "runs",
     "report",
+    "foreign",
 }
 """All others leave it out, so that `repaint --help` and `repaint similarity` are quick."""
 

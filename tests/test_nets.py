@@ -131,6 +131,26 @@ def test_dense_layers_are_those_of_torch():
         assert_close(nn.Sequential(*layers[:-1])(obs[s])[:, 0], student.value(obs)[s])
 
 
+@pytest.mark.parametrize(
+    ("activation", "layer"), [("tanh", nn.Tanh), ("relu", nn.ReLU), ("elu", nn.ELU)]
+)
+def test_policy_and_critic_may_differ_in_width_and_bend_otherwise(activation, layer):
+    net = NetConfig(hidden=(8,), value_hidden=(7, 5), activation=activation)
+    student, obs = drawn(VECTOR, net), observations(VECTOR, 1, 5)
+    for tower, names in (("policy", ("0", "head")), ("value", ("0", "1", "head"))):
+        layers = []
+        for name in names:
+            weight, bias = (
+                student.weights[f"{tower}.{name}.{part}"][0] for part in ("weight", "bias")
+            )
+            linear = nn.Linear(*weight.shape)
+            linear.weight.data, linear.bias.data = weight.data.T, bias.data
+            layers += [linear, layer()]
+        expected = nn.Sequential(*layers[:-1])(obs[0])
+        found = student.policy(obs).mean if tower == "policy" else student.value(obs).unsqueeze(-1)
+        assert_close(found[0], expected)
+
+
 @pytest.mark.parametrize("shared", [False, True])
 def test_the_camera_network_is_torchs(shared):
     student = drawn(PICTURE, CNN.model_copy(update={"shared": shared}), seeds=(0, 1))
@@ -248,6 +268,25 @@ def test_a_number_that_hardly_varies_is_not_blown_up():
     normalizer = Normalizer(1, 1)
     normalizer.update(0, torch.full((9, 1), 2.0))
     assert_close(normalizer.normalize(torch.tensor([[[2.01]]])), torch.tensor([[[0.1]]]))
+
+
+def test_a_card_says_how_far_normalised_numbers_go_and_the_least_deviation():
+    obs = torch.tensor([[[2e6, -9.0]]])
+    for clip, expected in ((3.0, [3.0, -3.0]), ("none", [2e6, -9.0])):
+        network = ActorCritic(Spaces((2,), 1, False), NetConfig(obs_clip=clip), 1)
+        assert network.normalizer.normalize(obs).tolist() == [[expected]]
+
+
+def test_numbers_that_hardly_vary_around_a_large_mean_are_normalised_exactly():
+    normalizer = Normalizer(1, 1, clip=10.0, min_std=0.0)
+    mean, var = 1000.1, 1e-4  # in single precision the mean alone would be off by 0.0024 σ
+    normalizer.load({"mean": torch.tensor([[mean]]), "var": torch.tensor([[var]]),
+                     "count": torch.ones(1)})  # fmt: skip
+    obs = torch.tensor([[[1000.125]]])
+    expected = (obs.double() - normalizer.mean) / normalizer.var.sqrt()
+    found = normalizer.normalize(obs)
+    assert found.dtype == torch.float32
+    assert_close(found, expected.float(), rtol=1e-6, atol=0)
 
 
 def test_before_the_first_update_observations_pass():

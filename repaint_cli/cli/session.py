@@ -40,7 +40,7 @@ def new_teacher_name(name: str, replace: bool) -> str:
     path = user_zoo() / f"{name}.safetensors"
     if path.exists() and not replace:
         raise StoreError(
-            f"your zoo has a teacher '{name}' already; give another --name, or --replace it"
+            f"your zoo has a teacher '{name}' already; give another name, or --replace it"
         )
     check_writable(path.parent)  # better now than after an hour of training
     return name

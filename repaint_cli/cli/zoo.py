@@ -1,4 +1,4 @@
-"""`repaint zoo list | show | verify | export | remove`."""
+"""`repaint zoo list | show | verify | export | remove`; `add` has a file of its own."""
 
 import json
 from pathlib import Path
@@ -6,10 +6,12 @@ from typing import Annotated
 
 import typer
 
+from repaint_cli.cli.zoo_add import add
 from repaint_cli.errors import CardError, CheckpointError
 from repaint_cli.paths import user_zoo
 
-zoo = typer.Typer(no_args_is_help=True, help="List, show, check, export and remove teachers.")
+zoo = typer.Typer(no_args_is_help=True, help="List, show, check, add, export, remove teachers.")
+zoo.command("add")(add)
 Name = Annotated[str, typer.Argument(help="A teacher's name or file.")]
 
 

@@ -37,8 +37,9 @@ _Job = Callable[[], int]
 
 
 def applies_to(student: ActorCritic, ppo: PPOConfig) -> bool:
-    """Tell whether a student's networks are dense, and the loss is the one that is here."""
-    return ppo.compiled and student.net.kind == "mlp" and ppo.objective == "clipped"
+    """Tell whether a student's networks are dense with tanh, and the loss is the one here."""
+    dense = student.net.kind == "mlp" and student.net.activation == "tanh"
+    return ppo.compiled and dense and ppo.objective == "clipped"
 
 
 def learn(
@@ -57,7 +58,7 @@ def learn(
     """Take every step of `learn_on_policy`, or of `learn_from_instances`.
 
     Args:
-        student: who learns; its networks are dense.
+        student: who learns; its networks are dense, with tanh.
         optimizer: its optimiser.
         samples: of the student, or selected ones of the teacher.
         ppo: epochs, minibatches and coefficients.

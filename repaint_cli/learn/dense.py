@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from repaint_cli import nets
 from repaint_cli.learn.dense_kernels import Row, Tower
 from repaint_cli.learn.optimizer import EPSILON, RowAdam
 from repaint_cli.nets import ActorCritic
@@ -28,9 +29,10 @@ class Place:
         assert leaf.grad is not None
         return leaf.detach()[self.s].numpy(), leaf.grad[self.s].numpy()
 
-    def tower(self, name: str, size: int) -> Tower:
+    def tower(self, name: nets.Tower, size: int) -> Tower:
         """Return a policy or a critic, with room for a minibatch of `size`."""
-        layers = [f"{name}.{layer}" for layer in (*range(len(self.student.net.hidden)), "head")]
+        n_hidden = len(self.student.net.widths(name))
+        layers = [f"{name}.{layer}" for layer in (*range(n_hidden), "head")]
         weights = [self.leaf(f"{layer}.weight") for layer in layers]
         biases = [self.leaf(f"{layer}.bias") for layer in layers]
         rooms = [

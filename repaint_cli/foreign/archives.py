@@ -1,0 +1,114 @@
+"""Zip files and PyTorch's weights by other hands: read with limits, and nothing in them runs."""
+
+import io
+import zipfile
+import zlib
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from repaint_cli.errors import CheckpointError
+
+LARGEST = 512 * 2**20
+"""Bytes that a file, or a part of it when unpacked, may have."""
+
+
+def read_bytes(path: Path) -> bytes:
+    """Return a file's bytes.
+
+    Raises:
+        CheckpointError: there is none, or it is too large.
+    """
+    try:
+        size = path.stat().st_size
+        if size > LARGEST:
+            raise CheckpointError(f"{path}: expected at most {LARGEST} bytes, found {size}")
+        return path.read_bytes()
+    except OSError as error:
+        raise CheckpointError(f"cannot read {path}: {error.strerror}") from error
+
+
+def read_members(
+    data: bytes, where: str, names: Iterable[str], optional: Iterable[str] = ()
+) -> dict[str, bytes]:
+    """Return some parts of a zip file, unpacked in memory.
+
+    Args:
+        data: the file.
+        where: what to call it in an error.
+        names: of the parts; others are not looked at, whatever they are called.
+        optional: more names, of parts that need not be there.
+
+    Raises:
+        CheckpointError: it is no whole zip file, lacks a part, or a part is too large.
+    """
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            there = [name for name in optional if name in archive.namelist()]
+            return {name: _member(archive, name, where) for name in (*names, *there)}
+    except (zipfile.BadZipFile, zlib.error, EOFError, RuntimeError, ValueError, OSError) as error:
+        raise CheckpointError(f"{where} is not a whole zip file ({error})") from error
+
+
+def _member(archive: zipfile.ZipFile, name: str, where: str) -> bytes:
+    if name not in archive.namelist():
+        raise CheckpointError(f"{where}: expected a part '{name}', found none")
+    info = archive.getinfo(name)
+    plain = info.compress_type in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
+    if info.file_size > LARGEST or not plain:
+        raise CheckpointError(
+            f"{where}: expected a part '{name}' of at most {LARGEST} bytes, stored or deflated, "
+            f"found {info.file_size} by method {info.compress_type}"
+        )
+    with archive.open(info) as file:
+        return file.read(LARGEST)
+
+
+def read_tensors(data: bytes, where: str) -> dict[str, Tensor]:
+    """Return the tensors of a file that `torch.save` wrote from a `state_dict`.
+
+    Raises:
+        CheckpointError: it is damaged, holds anything else, or numbers that are not finite.
+    """
+    _check_unpacked(data, where)
+    try:
+        found = torch.load(io.BytesIO(data), map_location="cpu", weights_only=True)
+    except Exception as error:  # whatever a damaged or malicious file makes torch say
+        reason = str(error).strip().partition("\n")[0][:120]
+        raise CheckpointError(f"{where} holds no plain tensors ({reason})") from error
+    if not isinstance(found, dict) or not all(isinstance(name, str) for name in found):
+        raise CheckpointError(f"{where}: expected tensors by name, found {type(found).__name__}")
+    for name, tensor in found.items():
+        _check_tensor(name, tensor, len(data), where)
+    return dict(found)
+
+
+def _check_unpacked(data: bytes, where: str) -> None:
+    """Check that a file is as `torch.save` writes it: a zip file whose parts are not packed."""
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            parts = archive.infolist()
+    except (zipfile.BadZipFile, ValueError, OSError) as error:
+        raise CheckpointError(f"{where} is not as torch.save writes it ({error})") from error
+    stored = all(part.compress_type == zipfile.ZIP_STORED for part in parts)
+    if not stored or sum(part.file_size for part in parts) > len(data):
+        raise CheckpointError(f"{where}: expected parts as torch.save stores them, found packed")
+
+
+def _check_tensor(name: str, tensor: Any, size: int, where: str) -> None:
+    """Check that a tensor is plain and no larger than its file, before it is used."""
+    plain = type(tensor) is Tensor and tensor.layout is torch.strided
+    if not plain or tensor.device.type != "cpu" or tensor.dtype != torch.float32:
+        kind = f"{tensor.dtype} {tensor.device}" if isinstance(tensor, Tensor) else type(tensor)
+        raise CheckpointError(
+            f"{where}: expected numbers in single precision in '{name}', found {kind}"
+        )
+    if tensor.numel() * tensor.itemsize > size or not tensor.is_contiguous():
+        raise CheckpointError(
+            f"{where}: '{name}' claims {tuple(tensor.shape)} numbers that the file does not hold"
+        )
+    if not torch.isfinite(tensor).all():
+        raise CheckpointError(f"{where}: '{name}' holds numbers that are not finite")

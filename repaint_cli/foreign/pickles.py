@@ -1,0 +1,248 @@
+"""Pickle files read as data: what they name is text here, never imported, made or called.
+
+Python's own unpickler does whatever a file says. This one knows the opcodes that numbers, texts and
+arrays need, and of the names only those in `KNOWN`, for which it keeps a record of what would have
+been made. Nothing here recurses, hashes anything but text, or makes room for more than it was
+given.
+"""
+
+import pickletools
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from math import prod
+from typing import Any
+
+import numpy as np
+
+MOST_OPCODES = 200_000
+"""More than this is no file of statistics."""
+
+_NUMPY = ("numpy.core", "numpy._core")
+_SPACES = (
+    "box.Box", "dict.Dict", "discrete.Discrete", "multi_binary.MultiBinary",
+    "multi_discrete.MultiDiscrete",
+)  # fmt: skip
+KNOWN = frozenset(
+    [
+        "collections.OrderedDict",
+        "numpy.dtype",
+        "numpy.ndarray",
+        *(f"{core}.multiarray.{name}" for core in _NUMPY for name in ("_reconstruct", "scalar")),
+        *(f"{core}.numeric._frombuffer" for core in _NUMPY),
+        *(f"numpy.random._pickle.__{kind}_ctor" for kind in ("generator", "bit_generator")),
+        "numpy.random._pcg64.PCG64",
+        "numpy.random.bit_generator.SeedSequence",
+        "numpy.random.bit_generator.__pyx_unpickle_SeedSequence",
+        "stable_baselines3.common.running_mean_std.RunningMeanStd",
+        "stable_baselines3.common.vec_env.vec_normalize.VecNormalize",
+        *(f"{library}.spaces.{name}" for library in ("gym", "gymnasium") for name in _SPACES),
+    ]
+)
+"""What a file may name: classes and functions of which it may speak."""
+
+_NUMBERS = frozenset(f"{kind}{size}" for kind in "fiu" for size in (1, 2, 4, 8)) - {"f1"}
+
+
+@dataclass(frozen=True, eq=False)
+class Name:
+    """A class or a function, as text."""
+
+    text: str
+    """Module and name."""
+
+
+@dataclass(eq=False)
+class Record:
+    """What a file would have had made."""
+
+    name: str
+    """By which class or function."""
+    args: tuple[Any, ...]
+    """From what."""
+    state: Any = None
+    """What it would have been filled with."""
+    items: dict[str, Any] = field(default_factory=dict)
+    """What would have been put into it."""
+
+
+class Refused(ValueError):
+    """A pickle that is damaged, or more than data; says what was found."""
+
+
+def read(data: bytes) -> Any:
+    """Return what a pickle holds: numbers, texts, bytes, lists, tuples, dicts and records.
+
+    Raises:
+        Refused: it is damaged, or more than data.
+    """
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # what odd escapes make Python say
+        try:
+            return _run(data)
+        except Refused:
+            raise
+        except (ValueError, IndexError, KeyError) as error:
+            raise Refused("a broken pickle") from error
+
+
+def _run(data: bytes) -> Any:
+    machine = _Machine()
+    for count, (opcode, argument, _) in enumerate(pickletools.genops(data)):
+        if opcode.name == "STOP":
+            break
+        if count == MOST_OPCODES:
+            raise Refused(f"more than {MOST_OPCODES} opcodes")
+        step = _STEPS.get(opcode.name)
+        if step is None:
+            raise Refused(f"the opcode {opcode.name}")
+        step(machine, argument)
+    return machine.pop()
+
+
+class _Machine:
+    """The stack and the memo of a pickle."""
+
+    def __init__(self) -> None:
+        self.stack: list[Any] = []
+        self.memo: dict[int, Any] = {}
+
+    def push(self, value: Any) -> None:
+        self.stack.append(value)
+
+    def pop(self) -> Any:
+        return self.stack.pop()
+
+    def pop_to_mark(self) -> list[Any]:
+        taken = []
+        while (value := self.stack.pop()) is not _MARK:
+            taken.append(value)
+        return taken[::-1]
+
+    def push_tuple(self, size: int) -> None:
+        self.push(tuple([self.pop() for _ in range(size)][::-1]))
+
+    def append(self, values: list[Any]) -> None:
+        target = self.stack[-1]
+        if not isinstance(target, list):
+            raise Refused("an entry of what is no list")
+        target.extend(values)
+
+    def set_items(self, flat: list[Any]) -> None:
+        target = self.stack[-1]
+        items = target.items if isinstance(target, Record) else target
+        if not isinstance(items, dict) or len(flat) % 2:
+            raise Refused("an entry of what is no dict")
+        for key, value in zip(flat[::2], flat[1::2], strict=True):
+            if type(key) is not str:  # the hash of a text is cheap whatever the file says
+                raise Refused(f"a key that is no text but of type {type(key).__name__}")
+            items[key] = value
+
+    def push_name(self, module: Any, name: Any) -> None:
+        text = f"{module}.{name}" if type(module) is type(name) is str else "a nameless thing"
+        if text not in KNOWN:
+            raise Refused(f"the name {text[:99]!r}")
+        self.push(Name(text))
+
+    def make(self) -> None:
+        args, maker = self.pop(), self.pop()
+        if not isinstance(maker, Name) or not isinstance(args, tuple):
+            raise Refused("a call of what is no function")
+        self.push(Record(maker.text, args))
+
+    def build(self) -> None:
+        state, record = self.pop(), self.stack[-1]
+        if not isinstance(record, Record):
+            raise Refused("a state of what is no object")
+        record.state = state
+
+
+_MARK = object()
+_Step = Callable[[_Machine, Any], Any]
+_VALUES = (
+    "BININT", "BININT1", "BININT2", "LONG1", "LONG4", "BINFLOAT", "SHORT_BINUNICODE", "BINUNICODE",
+    "BINUNICODE8", "SHORT_BINBYTES", "BINBYTES", "BINBYTES8", "BYTEARRAY8",
+)  # fmt: skip
+_STEPS: dict[str, _Step] = {
+    **dict.fromkeys(("PROTO", "FRAME"), lambda machine, _: None),
+    **dict.fromkeys(_VALUES, lambda machine, value: machine.push(value)),
+    "NONE": lambda machine, _: machine.push(None),
+    "NEWTRUE": lambda machine, _: machine.push(True),
+    "NEWFALSE": lambda machine, _: machine.push(False),
+    "EMPTY_DICT": lambda machine, _: machine.push({}),
+    "EMPTY_LIST": lambda machine, _: machine.push([]),
+    "EMPTY_TUPLE": lambda machine, _: machine.push(()),
+    "MARK": lambda machine, _: machine.push(_MARK),
+    "TUPLE": lambda machine, _: machine.push(tuple(machine.pop_to_mark())),
+    "TUPLE1": lambda machine, _: machine.push_tuple(1),
+    "TUPLE2": lambda machine, _: machine.push_tuple(2),
+    "TUPLE3": lambda machine, _: machine.push_tuple(3),
+    "APPEND": lambda machine, _: machine.append([machine.pop()]),
+    "APPENDS": lambda machine, _: machine.append(machine.pop_to_mark()),
+    "SETITEM": lambda machine, _: machine.set_items([machine.pop(), machine.pop()][::-1]),
+    "SETITEMS": lambda machine, _: machine.set_items(machine.pop_to_mark()),
+    "MEMOIZE": lambda machine, _: machine.memo.update({len(machine.memo): machine.stack[-1]}),
+    **dict.fromkeys(
+        ("BINPUT", "LONG_BINPUT"), lambda machine, at: machine.memo.update({at: machine.stack[-1]})
+    ),
+    **dict.fromkeys(("BINGET", "LONG_BINGET"), lambda machine, at: machine.push(machine.memo[at])),
+    "GLOBAL": lambda machine, text: machine.push_name(*text.split(" ", 1)),
+    "STACK_GLOBAL": lambda machine, _: machine.push_name(*[machine.pop(), machine.pop()][::-1]),
+    **dict.fromkeys(("REDUCE", "NEWOBJ"), lambda machine, _: machine.make()),
+    "BUILD": lambda machine, _: machine.build(),
+}
+"""What each opcode does; all others are refused."""
+
+
+def array_of(found: Any) -> np.ndarray:
+    """Return the array of numbers that a record speaks of.
+
+    Raises:
+        Refused: it speaks of something else, or of more numbers than it holds.
+    """
+    name = found.name if isinstance(found, Record) else ""
+    if name.endswith("._reconstruct") and isinstance(found.state, tuple) and len(found.state) == 5:
+        _, shape, kind, fortran, data = found.state
+        return shaped(data, _dtype(kind), shape, fortran=fortran is True)
+    if name.endswith("._frombuffer") and len(found.args) == 4:
+        data, kind, shape, order = found.args
+        return shaped(data, _dtype(kind), shape, fortran=order == "F")
+    raise Refused("no array of numbers")
+
+
+def number_of(found: Any) -> float:
+    """Return the number that a value is, or that a record speaks of.
+
+    Raises:
+        Refused: it is none.
+    """
+    if type(found) in (int, float):
+        return float(found)
+    if isinstance(found, Record) and found.name.endswith(".scalar") and len(found.args) == 2:
+        kind, data = found.args
+        return float(shaped(data, _dtype(kind), ()))
+    raise Refused("no number")
+
+
+def shaped(data: Any, kind: np.dtype[Any], shape: Any, *, fortran: bool = False) -> np.ndarray:
+    """Return an array over given bytes, read-only or not as they are.
+
+    Raises:
+        Refused: they are of another size than the shape says.
+    """
+    sizes = isinstance(shape, tuple) and all(type(n) is int and n >= 0 for n in shape)
+    if not sizes or len(shape) > 8 or not isinstance(data, bytes | bytearray):
+        raise Refused("no array of numbers")
+    if prod(shape) * kind.itemsize != len(data):
+        raise Refused(f"an array of another size than its {len(data)} bytes")
+    return np.frombuffer(data, kind).reshape(shape, order="F" if fortran else "C")
+
+
+def _dtype(found: Any) -> np.dtype[Any]:
+    """Return the kind of number that a record of a dtype speaks of."""
+    if isinstance(found, Record) and found.name == "numpy.dtype" and found.args:
+        code, state = found.args[0], found.state
+        order = state[1] if isinstance(state, tuple) and len(state) > 1 else "="
+        if type(code) is str and code in _NUMBERS and order in ("<", ">", "=", "|"):
+            return np.dtype(f"{order}{code}")
+    raise Refused("an array of other things than numbers")
