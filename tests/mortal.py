@@ -86,7 +86,8 @@ def _die(*_, **__):
 
 def _dying(kind, folder, fate):
     """Go on with a run and die before, after or half-way through its `fate`th file operation."""
-    rng, left = random.Random(fate), [1 + fate % 45]
+    rng = random.Random(fate)
+    left = [rng.randint(1, 150 if kind == "racer" else 45)]
 
     def mortal(operation):
         def carried_out(*args, **kwargs):
@@ -129,7 +130,7 @@ def killed(kind, folder, fate):
     )
     child.start()
     if outside:
-        sleep(random.Random(fate).uniform(0.02, 0.6))
+        sleep(random.Random(fate).uniform(0.02, 4 if kind == "racer" else 0.6))
         child.kill()
     child.join(60)
     assert child.exitcode in (0, -signal.SIGKILL), child.exitcode
