@@ -317,7 +317,7 @@ STORES = [
     ([*SCRATCH, *QUICK, "--run", "run"], "run exists already; name another with --run"),
     ([*SCRATCH, *QUICK, "--run", "file/run"], "cannot make file/run: file is no folder"),
     (["train-teacher", "--task", "reacher", "--name", "old-hand"],
-     "your zoo has a teacher 'old-hand' already; give another --name, or --replace it"),
+     "your zoo has a teacher 'old-hand' already; give another name, or --replace it"),
     (["train-teacher", "--task", "reacher", "--name", "a/b"], "expected a teacher's name of"),
     (["tasks", "copy", "reacher", "mine.yaml"], "expected a file that ends in .toml"),
     (["tasks", "copy", "reacher", "mine.toml"], "mine.toml exists already; give another name"),

@@ -280,8 +280,8 @@ def test_a_card_says_how_far_normalised_numbers_go_and_the_least_deviation():
 def test_numbers_that_hardly_vary_around_a_large_mean_are_normalised_exactly():
     normalizer = Normalizer(1, 1, clip=10.0, min_std=0.0)
     mean, var = 1000.1, 1e-4  # in single precision the mean alone would be off by 0.0024 σ
-    normalizer.load({"mean": torch.tensor([[mean]]), "var": torch.tensor([[var]]),
-                     "count": torch.ones(1)})  # fmt: skip
+    normalizer.mean[:], normalizer.var[:] = mean, var
+    normalizer.load({"mean": normalizer.mean, "var": normalizer.var, "count": torch.ones(1)})
     obs = torch.tensor([[[1000.125]]])
     expected = (obs.double() - normalizer.mean) / normalizer.var.sqrt()
     found = normalizer.normalize(obs)

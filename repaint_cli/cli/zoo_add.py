@@ -22,8 +22,8 @@ def add(
         typer.Option(
             "--from",
             metavar="<sb3|cleanrl>",
-            help="Whose file it is: a model's zip of Stable-Baselines3, a state dict of cleanrl; "
-            "default: ours.",
+            help="Whose file it is: a zip of Stable-Baselines3 or a state dict of a cleanrl agent; "
+            "ours where absent.",
         ),
     ] = None,
     task: Annotated[
