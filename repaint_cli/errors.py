@@ -38,7 +38,7 @@ class NotFound(RepaintError):
         """Say that `name` is no `kind`, which names are near, and where they are listed."""
         near = get_close_matches(name, list(known), n=3, cutoff=0.5)
         hint = f"; did you mean {' or '.join(near)}?" if near else ";"
-        return cls(f"unknown {kind} '{name}'{hint} see: {where}")
+        return cls(f"unknown {kind} {name!r}{hint} see: {where}")
 
 
 class CardError(RepaintError):

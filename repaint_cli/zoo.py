@@ -153,7 +153,9 @@ def _names(folder: Path) -> Iterator[str]:
 
 
 def _leads_out(path: Path) -> bool:
-    return not path.resolve().is_relative_to(path.parent.resolve())
+    """Tell whether a link leads out of its folder, or nowhere."""
+    home = Path(os.path.realpath(path.parent))
+    return not os.path.exists(path) or home not in Path(os.path.realpath(path)).parents
 
 
 def find(name: str) -> Path:

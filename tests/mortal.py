@@ -111,7 +111,7 @@ def _dying(kind, folder, fate):
 
 
 @cache
-def _nursery():
+def nursery():
     """Where processes begin that have imported all they need."""
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload(["mortal"])
@@ -124,7 +124,7 @@ def _nursery():
 def killed(kind, folder, fate):
     """Go on with a run until fate has it, or its end; return whether it was killed."""
     outside = fate % 2
-    child = _nursery().Process(
+    child = nursery().Process(
         target=go_on if outside else _dying,
         args=(kind, folder) if outside else (kind, folder, fate),
     )

@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from repaint_cli.cli.zoo_add import add
-from repaint_cli.errors import CardError, CheckpointError
+from repaint_cli.errors import CardError, CheckpointError, StoreError
 from repaint_cli.paths import user_zoo
 
 zoo = typer.Typer(no_args_is_help=True, help="List, show, check, add, export, remove teachers.")
@@ -118,8 +118,19 @@ def remove(
     yes: Annotated[bool, typer.Option("--yes", help="Do not ask.")] = False,
 ) -> None:
     """Remove one of your own teachers, after asking."""
+    from repaint_cli.cli.words import plain
     from repaint_cli.zoo import remove
 
-    if not yes:
-        typer.confirm(f"Remove the teacher '{name}' from your zoo for good?", abort=True)
-    print(f"removed {remove(name)}")
+    if yes or _agreed(f"Remove the teacher '{plain(name)}' from your zoo for good?", name):
+        print(f"removed {remove(name)}")
+    else:
+        print("nothing removed")
+
+
+def _agreed(question: str, name: str) -> bool:
+    try:
+        return typer.confirm(question)
+    except typer.Abort as end:
+        if isinstance(end.__context__, KeyboardInterrupt):
+            raise
+        raise StoreError(f"nobody answered whether to remove '{name}'; try --yes") from end

@@ -60,7 +60,7 @@ def add(
     if source and card.score:
         score = f"{card.score.mean:.4g} [{card.score.low:.4g}, {card.score.high:.4g}]"
         out.print(f"score on {card.task.name}: {score} over {card.score.episodes} episodes")
-    path = zoo.add(network, 0, card.model_copy(update={"name": name}), user_zoo())
+    path = zoo.add(network, 0, card.model_copy(update={"name": name}), user_zoo(), replace=replace)
     say_written([path], f"repaint transfer --teacher {name} --task {task or card.task.name}")
 
 
