@@ -18,6 +18,10 @@ from repaint_cli.reading import LARGEST, check_file, parsed
 KEY = "repaint"
 """Where our JSON stands in a safetensors header."""
 
+UMASK = os.umask(0)
+"""What the user wants others not to do with new files."""
+os.umask(UMASK)
+
 GLIMPSE = 2**16
 """Bytes in which a teacher's header has room, many times over."""
 
@@ -48,7 +52,7 @@ def written_whole(path: Path, *, new: bool = False) -> Iterator[Path]:
         yield temporary
         with temporary.open("rb+") as file:
             os.fsync(file.fileno())
-        temporary.chmod(0o644)
+        temporary.chmod(0o666 & ~UMASK)
         if new:
             _link(temporary, path)
         else:

@@ -14,7 +14,7 @@ import numpy as np
 from repaint_cli import evaluations
 from repaint_cli.alarms import IN_A_ROW, Alarm
 from repaint_cli.errors import CheckpointError, StoreError
-from repaint_cli.files import as_json, write_text
+from repaint_cli.files import UMASK, as_json, write_text
 from repaint_cli.learn.learner import Learner
 from repaint_cli.metrics import cut_csv, start_csv
 from repaint_cli.plans import Plan, difference
@@ -90,7 +90,7 @@ def claim(folder: Path, record: Mapping[str, Any]) -> None:
     try:
         write_text(beginning / "run.json", as_json(record))
         start_csv(beginning / "metrics.csv")
-        beginning.chmod(0o755)
+        beginning.chmod(0o777 & ~UMASK)
         os.rename(beginning, folder)
     except OSError as error:
         raise StoreError(f"cannot make {folder}: {error.strerror}") from error

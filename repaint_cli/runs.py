@@ -8,7 +8,7 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
-from repaint_cli import evaluations, zoo
+from repaint_cli import evaluations, trust, zoo
 from repaint_cli.alarms import Alarm, alarms_of, reference_beside
 from repaint_cli.errors import RepaintError, telling_where
 from repaint_cli.evaluate import evaluate, has_paths, spaces_of
@@ -57,6 +57,8 @@ class Experiment:
             StoreError: the folder exists or cannot be made.
         """
         self.plan, task, method = plan, plan.target, METHODS[plan.method]
+        if resume:
+            trust.check(task, plan.folder)
         spaces = spaces_of(task)
         task.check_rollout()
         check_episodes(task)
@@ -80,6 +82,7 @@ class Experiment:
             self.notices = [*self.past.notices, *changed_versions(plan.folder)]
         else:
             claim(plan.folder, self._record_of("running"))
+            trust.remember(task)
 
     @property
     def alarms(self) -> list[Alarm]:

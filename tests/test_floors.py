@@ -23,7 +23,7 @@ FLOORS = [
     {"tasks", "nets"},
     {"cards", "learn", "similarity", "reward_fit"},
     {"evaluate", "checkpoint", "history"},
-    {"zoo", "metrics", "traces", "evaluations", "snapshot"},
+    {"zoo", "metrics", "traces", "evaluations", "snapshot", "trust"},
     {"simtrace", "plans"},
     {"teaching", "alarms", "measuring"},
     {"past"},

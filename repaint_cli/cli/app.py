@@ -1,5 +1,6 @@
 """`repaint`: the commands, and the one place where an error becomes a line and an exit code."""
 
+import io
 import os
 import signal
 import sys
@@ -57,6 +58,7 @@ def main() -> None:
     """Run a command; turn what the program can explain into one line on stderr and an exit code."""
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "1")  # looking for some takes a while
     signal.signal(signal.SIGTERM, _terminate)
+    _speak_plainly()
     words = [word for word in sys.argv[1:] if word != DEBUG]
     try:
         sys.exit(app(words or ["--help"], standalone_mode=False))
@@ -72,6 +74,16 @@ def main() -> None:
         sys.exit(2)
     except (KeyboardInterrupt, Abort):
         sys.exit(130)
+    except BrokenPipeError:  # whoever read has gone, as head does
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(128 + signal.SIGPIPE)
+
+
+def _speak_plainly() -> None:
+    """Let a terminal without UTF-8 show what it can, and the rest spelled out."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
 
 
 def _terminate(number: int, frame: FrameType | None) -> None:

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from repaint_cli import checkpoint, traces, zoo
+from repaint_cli import checkpoint, traces, trust, zoo
 from repaint_cli.cards import read_task
 from repaint_cli.cli.options import customize, seed_list
 from repaint_cli.cli.played import racing_summary, table
@@ -69,7 +69,7 @@ def subject(what: str | None, task: str | None, root: Path) -> Subject:
     network, teacher = zoo.load_teacher(path)
     if card:
         zoo.check_fits([teacher], card, spaces_of(card))
-    code = _code_of(teacher.task)
+    code = trust.code_of(teacher.task)
     if code and not card:
         raise CardError(
             f"'{teacher.name}' was trained with {code}, which is never run from a teacher's file; "
@@ -82,21 +82,14 @@ def subject(what: str | None, task: str | None, root: Path) -> Subject:
     return Subject(name, network, [teacher.seed], target, folder, following)
 
 
-def _code_of(task: TaskCard) -> str | None:
-    """Return what of a task is somebody's own code: a reward function, or an imported module."""
-    if task.reward_code:
-        return f"the reward function {task.reward_code.name}"
-    if isinstance(task.env, GymEnv) and ":" in task.env.id:
-        return f"the module of {task.env.id}"
-    return None
-
-
 def policies(run: Run) -> ActorCritic:
     """Return a run's last policies.
 
     Raises:
+        CardError: it brings along code that is not trusted.
         CheckpointError: its checkpoint is damaged.
     """
+    trust.check(run.task, run.folder)
     path, like = run.folder / CHECKPOINT, (spaces_of(run.task), run.task.net)
     seeds = len(run.record["seeds"])
     checkpoint.check_networks(path, *like, seeds, str(path), NETWORKS)

@@ -4,6 +4,7 @@ import dataclasses
 import shlex
 from collections.abc import Sequence
 from contextlib import nullcontext
+from itertools import chain, count
 from pathlib import Path
 
 from rich.markup import escape
@@ -26,8 +27,15 @@ from repaint_cli.simulators import RacerEnv
 
 
 def new_folder(run: Path | None, task: str, what: str) -> Path:
-    """Return the folder of a new run: the one asked for, or runs/<task>/<what>-<stamp>."""
-    return run or Path("runs") / task / f"{what}-{stamp()}"
+    """Return the folder of a new run: the one asked for, or runs/<task>/<what>-<stamp>.
+
+    Two of a second, or of an hour that the clock was put back, are told apart by a number.
+    """
+    if run:
+        return run
+    first = Path("runs") / task / f"{what}-{stamp()}"
+    others = (first.with_name(f"{first.name}-{n}") for n in count(2))
+    return next(folder for folder in chain([first], others) if not folder.exists())
 
 
 def new_teacher_name(name: str, replace: bool) -> str:

@@ -1,4 +1,4 @@
-"""`repaint tasks list | show | copy | check`."""
+"""`repaint tasks list | show | copy | check | trust`."""
 
 import json
 import re
@@ -125,3 +125,19 @@ def _value(value: Any) -> str:
     if isinstance(value, tuple | list):
         return "[" + ", ".join(_value(part) for part in value) + "]"
     return json.dumps(value, ensure_ascii=False)  # JSON's words, numbers and texts are TOML's too
+
+
+@tasks.command()
+def trust(
+    run: Annotated[Path, typer.Argument(help="A run's folder, from somebody else.")],
+) -> None:
+    """Let a run by somebody else run its code here.
+
+    That is a reward function, or a module that its environment is in; read it first.
+    """
+    from repaint_cli import trust
+    from repaint_cli.history import read_run
+
+    task = read_run(run).task
+    trust.allow(task)
+    print(f"trusted: {trust.code_of(task) or 'nothing, it brings no code along'}")

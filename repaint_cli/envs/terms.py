@@ -1,12 +1,28 @@
 """The reward as a weighted sum of named terms, r = w·φ (paper, section 5.2)."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
 from gymnasium.vector import VectorEnv, VectorWrapper
 
-from repaint_cli.errors import CardError
+from repaint_cli.errors import CardError, RepaintError
+
+
+@contextmanager
+def _blamed(when: str) -> Iterator[None]:
+    """Say that it was the environment, other people's code, that failed."""
+    try:
+        yield
+    except RepaintError:
+        raise
+    except Exception as error:  # which raises what it likes
+        reason = (str(error).strip() or "no reason given").splitlines()[0]
+        raise CardError(
+            f"the environment failed {when}: {type(error).__name__}: {reason}; see where with "
+            "repaint --debug"
+        ) from error
 
 
 class RewardTerms(VectorWrapper):
@@ -26,15 +42,17 @@ class RewardTerms(VectorWrapper):
     def reset(self, **kwargs: Any) -> tuple[Any, dict[str, Any]]:
         """Start every environment afresh."""
         self._ended[:] = False
-        return self.env.reset(**kwargs)
+        with _blamed("when it was reset"):
+            return self.env.reset(**kwargs)
 
     def step(self, actions: Any) -> tuple[Any, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
         """Advance every environment by one step.
 
         Raises:
-            CardError: the environment does not report one of the terms.
+            CardError: the environment fails, or does not report one of the terms.
         """
-        obs, own, terminated, truncated, info = self.env.step(actions)
+        with _blamed("in a step"):
+            obs, own, terminated, truncated, info = self.env.step(actions)
         info.setdefault("reward", np.asarray(own, np.float64))
         terms = np.zeros((self.num_envs, len(self.names)))  # (N, F)
         if not self._ended.all():

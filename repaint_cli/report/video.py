@@ -18,6 +18,9 @@ Frame = NDArray[np.uint8]
 
 CAPTION_HEIGHT = 56
 
+PATIENCE = 60.0
+"""Seconds that the encoder may take to end once it has all frames."""
+
 
 def write_video(frames: Iterable[Frame], path: Path, fps: float) -> None:
     """Encode frames and put the film in the place of `path`, whole or not at all.
@@ -60,6 +63,7 @@ def _encoder(
         quality=None,
         macro_block_size=1,
         ffmpeg_log_level="error",
+        ffmpeg_timeout=PATIENCE,
         output_params=["-preset", "veryfast", "-crf", "20", "-movflags", "+faststart"],
     )
     encoder.send(None)
