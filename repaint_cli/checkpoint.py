@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Mapping
+from math import prod
 from pathlib import Path
 from typing import Any
 
@@ -38,6 +39,10 @@ TYPES = {
 """What our files hold, as safetensors and as we name it."""
 
 
+MOST_NUMBERS = 2**28
+"""In the networks of a file, 1 GB: a hole in a file takes no room on a disk, but in memory."""
+
+
 def load(path: Path, prefix: str = "") -> tuple[dict[str, Tensor], dict[str, Any]]:
     """Read the tensors whose names begin so, without that, and the header.
 
@@ -50,11 +55,11 @@ def load(path: Path, prefix: str = "") -> tuple[dict[str, Tensor], dict[str, Any
         names = [name for name in file.keys() if name.startswith(prefix)]  # noqa: SIM118
         for name in names:
             if file.get_slice(name).get_dtype() not in TYPES:
-                raise CheckpointError(f"{path}: leaf '{name}' is of a type that we do not write")
+                raise CheckpointError(f"{path}: leaf '{name:.100}' has a type we do not write")
         tensors = {name.removeprefix(prefix): file.get_tensor(name) for name in names}
     for name, tensor in tensors.items():
         if not torch.isfinite(tensor).all():
-            raise CheckpointError(f"{path}: leaf '{name}' holds numbers that are not finite")
+            raise CheckpointError(f"{path}: leaf '{name:.100}' holds numbers that are not finite")
     return tensors, header
 
 
@@ -78,7 +83,7 @@ def load_policy(student: ActorCritic, tensors: Mapping[str, Tensor], where: str)
     _check_forms(forms, student.spaces, student.net, student.n_seeds, where)
     for name in ("normalizer.var", "normalizer.count"):
         if name in tensors and (tensors[name] < 0).any():
-            raise CheckpointError(f"{where}: leaf '{name}' holds numbers below 0")
+            raise CheckpointError(f"{where}: leaf '{name:.100}' holds numbers below 0")
     with torch.no_grad():
         for name, leaf in student.weights.items():
             leaf.copy_(tensors[name])
@@ -121,20 +126,25 @@ Form = tuple[tuple[int, ...], str]
 def _check_forms(
     found: Mapping[str, Form], spaces: Spaces, net: NetConfig, n_seeds: int, where: str
 ) -> None:
-    known = set()
+    known, numbers = set(), 0
     for name, shape, kind in leaves_of(spaces, net):
         known.add(name)
+        numbers += prod(shape) * n_seeds
         if name not in found:
-            raise CheckpointError(f"{where}: leaf '{name}' is missing in the file")
+            raise CheckpointError(f"{where}: leaf '{name:.100}' is missing in the file")
         theirs, their_kind = found[name]
         wanted = (n_seeds, *shape) if len(theirs) > len(shape) else shape
         if (theirs, their_kind) != (wanted, kind):
             raise CheckpointError(
-                f"{where}: leaf '{name}' is {theirs} {their_kind} in the file, "
+                f"{where}: leaf '{name:.100}' is {theirs} {their_kind} in the file, "
                 f"{wanted} {kind} in the network"
             )
+    if numbers > MOST_NUMBERS:
+        raise CheckpointError(
+            f"{where}: expected at most {MOST_NUMBERS:,} numbers, found {numbers:,}"
+        )
     for name in sorted(found.keys() - known):
-        raise CheckpointError(f"{where}: leaf '{name}' is unknown to the network")
+        raise CheckpointError(f"{where}: leaf '{name:.100}' is unknown to the network")
 
 
 def save_learner(path: Path, learner: Learner, header: Mapping[str, Any]) -> None:

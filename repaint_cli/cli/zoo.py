@@ -35,7 +35,7 @@ def list_teachers(
             continue
         score = card.score
         text = f"{score.mean:.4g} [{score.low:.4g}, {score.high:.4g}]" if score else "-"
-        table.add_row(name, literal(card.task.name), text, f"{card.env_steps:,}", whose)
+        table.add_row(literal(name), literal(card.task.name), text, f"{card.env_steps:,}", whose)
     Console(soft_wrap=True, emoji=False).print(table)
 
 
