@@ -121,6 +121,7 @@ class Judge:
         """Measure time and memory of what is done, and note what it does."""
         forget_peak()
         before, began = peak(), perf_counter()
+        handler = signal.signal(signal.SIGALRM, too_long)
         signal.setitimer(signal.ITIMER_REAL, SECONDS)
         watch().on = True
         try:
@@ -128,6 +129,7 @@ class Judge:
         finally:
             watch().on = False
             signal.setitimer(signal.ITIMER_REAL, 0)
+            signal.signal(signal.SIGALRM, handler)
             self.slowest = max(self.slowest, perf_counter() - began)
             grown = peak() - before
             self.grown = max(self.grown, grown)
@@ -173,7 +175,6 @@ def judge_all(targets, judge, n_cases):
 
 def main(n_cases):
     warnings.simplefilter("error")
-    signal.signal(signal.SIGALRM, too_long)
     judge = Judge()
     began = perf_counter()
     with tempfile.TemporaryDirectory() as folder:

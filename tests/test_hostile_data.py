@@ -219,6 +219,14 @@ def test_keys_are_as_deep_as_they_may_be(home):
         read_task("mine.toml")
 
 
+def test_weights_beyond_the_squares_of_numbers_are_as_alike_as_others():
+    huge, one = (
+        read_task("reacher").with_settings([f"reward.reward_dist={w}", f"reward.reward_ctrl={w}"])
+        for w in (1.7e308, 1)
+    )
+    assert cosine(huge, one) == pytest.approx(1)
+
+
 @pytest.mark.parametrize("weight", [1e-200, 5e-324, 1e300, 1.7e308])
 def test_weights_of_any_size_have_a_cosine(weight):
     tiny = read_task("reacher").with_settings([f"reward.reward_dist={weight}"])

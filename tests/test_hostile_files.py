@@ -6,7 +6,6 @@ would hardly find is written out here.
 
 import json
 import os
-import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -135,14 +134,6 @@ def refused(place, message):
     with judge.watched(place.name, b""), pytest.raises(RepaintError, match=message):
         load(place.name, place)
     assert judge.failures == []
-
-
-@pytest.fixture(autouse=True)
-def patience():
-    """What takes too long is an error, and no wait."""
-    before = signal.signal(signal.SIGALRM, hostile_readers.too_long)
-    yield
-    signal.signal(signal.SIGALRM, before)
 
 
 NO_FILE = "expected a regular file, found something else"

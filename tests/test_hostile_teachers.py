@@ -149,6 +149,13 @@ def test_a_huge_network_of_nothing_is_not_read_in(tmp_path, monkeypatch):
         checkpoint.check_networks(path, REACHER, task.net, 1, "it")
 
 
+def test_a_larger_header_is_not_parsed(tmp_path):
+    text = json.dumps({"__metadata__": {KEY: "x" * LARGEST}}).encode()
+    path = tmp_path / "x.safetensors"
+    path.write_bytes(len(text).to_bytes(8, "little") + text)
+    no_teacher(path, "a header of more than 8,388,608 bytes")
+
+
 @pytest.mark.parametrize("what", ["leaves", "text"])
 def test_the_largest_header_takes_its_share_of_memory(tmp_path, what):
     leaf = {"dtype": "F32", "shape": [0], "data_offsets": [0, 0]}
