@@ -3,6 +3,7 @@
 import hashlib
 import json
 from collections.abc import Mapping
+from math import prod
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,10 @@ TYPES = {
     "BOOL": "bool",
 }  # fmt: skip
 """What our files hold, as safetensors and as we name it."""
+
+
+MOST_NUMBERS = 2**28
+"""In the networks of a file, 1 GB: a hole in a file takes no room on a disk, but in memory."""
 
 
 def save(
@@ -51,7 +56,7 @@ def load(path: Path, *, finite: bool = True) -> tuple[dict[str, Tensor], dict[st
         header, wanted = header_of(path, file)
         for name in file.keys():  # noqa: SIM118
             if file.get_slice(name).get_dtype() not in TYPES:
-                raise CheckpointError(f"{path}: leaf '{name}' is of a type that we do not write")
+                raise CheckpointError(f"{path}: leaf '{name:.100}' has a type we do not write")
         tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
     if wanted is not None and wanted != content_hash(tensors, header):
         raise CheckpointError(
@@ -59,7 +64,7 @@ def load(path: Path, *, finite: bool = True) -> tuple[dict[str, Tensor], dict[st
         )
     for name, tensor in tensors.items():
         if finite and not torch.isfinite(tensor).all():
-            raise CheckpointError(f"{path}: leaf '{name}' holds numbers that are not finite")
+            raise CheckpointError(f"{path}: leaf '{name:.100}' holds numbers that are not finite")
     return tensors, header
 
 
@@ -92,7 +97,7 @@ def load_policy(student: ActorCritic, tensors: Mapping[str, Tensor], where: str)
     _check_forms(forms, student.spaces, student.net, student.n_seeds, where)
     for name in ("normalizer.var", "normalizer.count"):
         if name in tensors and (tensors[name] < 0).any():
-            raise CheckpointError(f"{where}: leaf '{name}' holds numbers below 0")
+            raise CheckpointError(f"{where}: leaf '{name:.100}' holds numbers below 0")
     with torch.no_grad():
         for name, leaf in student.weights.items():
             leaf.copy_(tensors[name])
@@ -141,18 +146,23 @@ def _check_forms(
     found: Mapping[str, Form], spaces: Spaces, net: NetConfig, n_seeds: int, where: str
 ) -> None:
     forms = _forms_of(spaces, net)
+    numbers = n_seeds * sum(prod(shape) for shape, _ in forms.values())
     for name, (shape, kind) in forms.items():
         if name not in found:
-            raise CheckpointError(f"{where}: leaf '{name}' is missing in the file")
+            raise CheckpointError(f"{where}: leaf '{name:.100}' is missing in the file")
         theirs, their_kind = found[name]
         wanted = (n_seeds, *shape) if len(theirs) > len(shape) else shape
         if (theirs, their_kind) != (wanted, kind):
             raise CheckpointError(
-                f"{where}: leaf '{name}' is {theirs} {their_kind} in the file, "
+                f"{where}: leaf '{name:.100}' is {theirs} {their_kind} in the file, "
                 f"{wanted} {kind} in the network"
             )
+    if numbers > MOST_NUMBERS:
+        raise CheckpointError(
+            f"{where}: expected at most {MOST_NUMBERS:,} numbers, found {numbers:,}"
+        )
     for name in sorted(found.keys() - forms.keys()):
-        raise CheckpointError(f"{where}: leaf '{name}' is unknown to the network")
+        raise CheckpointError(f"{where}: leaf '{name:.100}' is unknown to the network")
 
 
 def _forms_of(spaces: Spaces, net: NetConfig) -> dict[str, Form]:

@@ -49,12 +49,12 @@ def first_problem(error: ValidationError) -> str:
     kinds = ("[", "constrained-")  # of a value that may be of several, which pydantic names too
     loc = [str(part) for part in problem["loc"] if not any(kind in str(part) for kind in kinds)]
     simulator = loc.index("env") + 1 if "env" in loc else len(loc)  # which pydantic names too
-    where = ".".join(loc[:simulator] + loc[simulator + 1 :])
+    where = f"{'.'.join(loc[:simulator] + loc[simulator + 1 :]):.200}"
     if problem["type"] == "extra_forbidden":
         return f"unknown key '{where}'"
     found = "" if problem["type"] == "missing" else f", found {problem['input']!r:.100}"
     wanted = problem["msg"].removeprefix("Value error, ").replace("Input should be", "expected")
-    return f"{where}: {wanted}{found}"
+    return f"{where}: {wanted:.200}{found}"
 
 
 class PPOConfig(Settings):

@@ -36,6 +36,7 @@ class NotFound(RepaintError):
     @classmethod
     def named(cls, kind: str, name: str, known: Iterable[str], where: str) -> "NotFound":
         """Say that `name` is no `kind`, which names are near, and where they are listed."""
+        name = f"{name:.200}"
         near = get_close_matches(name, list(known), n=3, cutoff=0.5)
         hint = f"; did you mean {' or '.join(near)}?" if near else ";"
         return cls(f"unknown {kind} {name!r}{hint} see: {where}")

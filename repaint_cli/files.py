@@ -221,7 +221,7 @@ def opened(path: Path, framework: str) -> Iterator[Any]:
             yield file
     except (SafetensorError, OSError) as error:
         raise CheckpointError(
-            f"{path} is not a whole safetensors file ({error}); copy or train it again"
+            f"{path} is not a whole safetensors file ({error!s:.200}); copy or train it again"
         ) from error
 
 

@@ -88,7 +88,7 @@ def read_run(folder: Path) -> Run:
     try:
         rows = _columns(folder / "metrics.csv", known.seeds)
     except ValueError as error:
-        raise CheckpointError(f"{folder}/metrics.csv is damaged: {error}") from error
+        raise CheckpointError(f"{folder}/metrics.csv is damaged: {error!s:.200}") from error
     return Run(folder, record, task, rows)
 
 

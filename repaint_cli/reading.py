@@ -43,7 +43,7 @@ def read_bytes(path: Path, error: type[RepaintError], most: int = LARGEST) -> by
         with path.open("rb") as file:
             data = file.read(most + 1)
     except OSError as problem:
-        raise error(f"cannot read {path}: {problem.strerror}") from problem
+        raise error(f"cannot read {path!s:.500}: {problem.strerror}") from problem
     if len(data) > most:  # it has grown meanwhile
         raise error(_too_large(path, len(data), most))
     return data
@@ -59,15 +59,15 @@ def check_file(path: Path, error: type[RepaintError], most: int | None = None) -
         found, size = path.is_file(), path.stat().st_size
     except (OSError, ValueError) as problem:  # of a name that no file can have
         reason = getattr(problem, "strerror", None) or problem
-        raise error(f"cannot read {path}: {reason}") from problem
+        raise error(f"cannot read {path!s:.500}: {reason}") from problem
     if not found:
-        raise error(f"cannot read {path}: expected a regular file, found something else")
+        raise error(f"cannot read {path!s:.500}: expected a regular file, found something else")
     if most is not None and size > most:
         raise error(_too_large(path, size, most))
 
 
 def _too_large(path: Path, size: int, most: int) -> str:
-    return f"cannot read {path}: expected at most {most:,} bytes, found {size:,}; is it the file?"
+    return f"cannot read {path!s:.500}: expected at most {most:,} bytes, found {size:,}"
 
 
 def read_text(path: Path, error: type[RepaintError], most: int = LARGEST) -> str:
@@ -79,7 +79,9 @@ def read_text(path: Path, error: type[RepaintError], most: int = LARGEST) -> str
     try:
         return read_bytes(path, error, most).decode()
     except UnicodeDecodeError as problem:
-        raise error(f"cannot read {path}: expected UTF-8, found other bytes: {problem}") from None
+        raise error(
+            f"cannot read {path!s:.500}: expected UTF-8, found other bytes: {problem}"
+        ) from None
 
 
 def read_json(path: Path, error: type[RepaintError]) -> Any:
@@ -175,7 +177,7 @@ def read_rows(
                 yield dict(zip(names, cells, strict=True))
         raise ValueError(f"expected at most {MOST_CELLS:,} cells, found more")
     except (OSError, ValueError) as problem:
-        raise error(f"cannot read {path}: {problem}") from problem
+        raise error(f"cannot read {path!s:.500}: {problem}") from problem
 
 
 def _cells(file: TextIO) -> list[str]:

@@ -10,11 +10,9 @@ import csv
 import io
 import json
 import re
-import sys
 from array import array
 from collections.abc import Iterator, Mapping, Sequence
-from itertools import groupby
-from math import isfinite
+from itertools import groupby, islice
 from operator import itemgetter
 from pathlib import Path
 from time import time
@@ -42,6 +40,9 @@ NUMBERS = (
     "obstacle_crash_counter",
 )  # fmt: skip
 """Those of them that a trace is made of; older logs have no crashes."""
+
+MOST_EPISODES = 10_000
+"""In a file; each is many arrays."""
 
 TRAINING, METRICS = "training-simtrace", "metrics/TrainingMetrics.json"
 
@@ -235,24 +236,27 @@ def read_simtrace(path: Path) -> list[Trace]:
     Raises:
         CheckpointError: it cannot be read, or holds something else.
     """
-    rows = read_rows(path, CheckpointError, ("episode", "episode_status", *NUMBERS[:-1]))
+    needed = ("episode", "episode_status", *NUMBERS[:-1])
+    found = groupby(read_rows(path, CheckpointError, needed), key=itemgetter("episode"))
     try:
-        return [_trace(list(steps)) for _, steps in groupby(map(_step, rows), key=itemgetter(0))]
+        traces = [_trace(rows) for _, rows in islice(found, MOST_EPISODES + 1)]
     except ValueError as error:
-        raise CheckpointError(f"{path} is damaged: {error}") from error
+        raise CheckpointError(f"{path} is damaged: {error!s:.200}") from error
+    if len(traces) > MOST_EPISODES:
+        raise CheckpointError(f"{path}: expected at most {MOST_EPISODES:,} episodes, found more")
+    return traces
 
 
-def _step(row: dict[str, str]) -> tuple[str, str, "array[float]"]:
-    """Return a step's episode, its status and its numbers; a log has many, so as few bytes."""
-    numbers = array("d", (float(row.get(name) or 0) for name in NUMBERS))
-    numbers.append(row.get("all_wheels_on_track") == "True")
-    if not all(map(isfinite, numbers)):
-        raise ValueError("expected finite numbers")
-    return sys.intern(row["episode"]), sys.intern(row["episode_status"]), numbers
-
-
-def _trace(steps: "list[tuple[str, str, array[float]]]") -> Trace:
-    table = np.array([numbers for *_, numbers in steps])
+def _trace(rows: Iterator[dict[str, str]]) -> Trace:
+    """Return the trace of an episode; a log is long, so nothing but numbers is kept meanwhile."""
+    numbers, status = array("d"), ""
+    for row in rows:
+        numbers.extend(float(row.get(name) or 0) for name in NUMBERS)
+        numbers.append(row.get("all_wheels_on_track") == "True")
+        status = row["episode_status"]
+    table = np.array(numbers).reshape(-1, len(NUMBERS) + 1)
+    if not (np.abs(table) < 2**53).all():  # nan neither; some of them count something
+        raise ValueError("expected numbers within 2^53")
     whole = dict(zip((*NUMBERS, "on"), table.T, strict=True))
     return Trace(
         **{name.lower(): whole[name] for name in ("X", "Y", "yaw", "steer", "throttle")},
@@ -262,5 +266,5 @@ def _trace(steps: "list[tuple[str, str, array[float]]]") -> Trace:
         progress=whole["progress"],
         closest_waypoint=whole["closest_waypoint"].astype(int),
         crashes=whole["obstacle_crash_counter"].astype(int),
-        status=steps[-1][1],
+        status=status,
     )

@@ -195,10 +195,12 @@ def load_track(name: str) -> "Track":
         known = {path.stem: path for path in sorted(folder.glob("*.npy"))}
         if name not in known:
             there = ", ".join(known)
-            raise NotFound(f"unknown track '{name}'; there are {there}, and files that end in .npy")
+            raise NotFound(
+                f"unknown track '{name:.200}'; there are {there}, and files that end in .npy"
+            )
         path = known[name]
     if not os.path.exists(path):  # which takes any name
-        raise NotFound(f"expected a file of waypoints at '{path}', found none")
+        raise NotFound(f"expected a file of waypoints at '{name:.500}', found none")
     data = read_bytes(path, CardError)
     head = _ARRAY.match(data)
     shape = [int(size) for size in re.findall(rb"\d+", head["shape"])] if head else []

@@ -155,7 +155,7 @@ def test_a_lane_teacher_fits_a_reward_function(repaint, mine):
 
 def test_the_card_refuses_what_cannot_be(repaint, mine, home):
     (home / "mine.toml").write_text(CARD.replace('"reward.py"', '"none.py"'))
-    assert "cannot read the reward function none.py" in repaint("tasks", "check", mine).err
+    assert "cannot read none.py: No such file" in repaint("tasks", "check", mine).err
     (home / "mine.toml").write_text(CARD.replace("[net]", "lane = 1\n\n[net]"))
     assert "a reward function stands alone" in repaint("tasks", "check", mine).err
     (home / "mine.toml").write_text('extends = "reacher"\n[reward]\nfunction = "reward.py"')

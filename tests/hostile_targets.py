@@ -1,0 +1,157 @@
+"""Every file that somebody else may have written, sound, and who reads it."""
+
+import json
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import hostile
+from test_simtrace import TASK, trace
+from tiny_learners import learner_of, spaces_of
+from tiny_runs import REACHER, add_teacher
+from tiny_tasks import reach
+
+from repaint_cli import checkpoint, zoo
+from repaint_cli.cards import read_task
+from repaint_cli.cli.tasks import to_toml
+from repaint_cli.cli.words import literal
+from repaint_cli.history import read_run
+from repaint_cli.nets import ActorCritic
+from repaint_cli.paths import PACKAGE
+from repaint_cli.report.comparison import compare, record
+from repaint_cli.runs import Experiment, Plan
+from repaint_cli.similarity import cosine, relation
+from repaint_cli.simtrace import Simtrace, read_training
+from repaint_cli.simulators import load_track
+from repaint_cli.spaces import Spaces
+from repaint_cli.tasks import RewardCode
+
+RAN = "open('ran', 'w').close()\ndef reward_function(params): return 1.0\n"
+OVAL = PACKAGE.parent / "tasks" / "racer" / "tracks" / "oval.npy"
+CARD = {
+    "extends": "racer-inner",
+    "summary": "Mine.",
+    "env": {
+        "track": "mine.npy", "model_metadata": "model_metadata.json", "max_steps": 90,
+    },
+    "reward": {"progress": 1.0, "lane": -0.5},
+    "net": {"conv": [[4, 8, 8]], "dense": 8},
+    "ppo": {"hyperparameters": "hyperparameters.json", "n_episodes": 4, "gamma": 0.9},
+    "transfer": {"kickstart_coef": [0.2, 0.1]},
+}  # fmt: skip
+METADATA = {
+    "action_space": [{"steering_angle": -20, "speed": 1.5}, {"steering_angle": "20", "speed": 1}],
+    "sensor": ["FRONT_FACING_CAMERA", "LIDAR"],
+    "version": "4",
+}
+HYPERPARAMETERS = {"batch_size": 64, "lr": "0.0003", "num_epochs": 10, "loss_type": "huber"}
+
+
+@dataclass
+class Target:
+    """A file that somebody else may have written, and who reads it."""
+
+    path: Path
+    read: Any
+    cases: Any
+    """From the sound file's bytes to a strategy for others."""
+    sound: bytes = b""
+
+    def __post_init__(self):
+        self.sound = self.path.read_bytes()
+
+
+def teacher_targets(folder):
+    def read(path):
+        network, card = zoo.load_teacher(path, 2)
+        assert network.spaces == card.spaces
+        own = read_task("reacher")
+        told = zoo.misfit(card, own, REACHER), cosine(card.task, own), relation(own, card.task)
+        assert literal(told)
+
+    vector = add_teacher(folder, settings=["net.hidden=[8,8]"])
+    seeing = add_teacher(
+        folder, "seeing", "racer-inner", Spaces((120, 160, 1), 10, True),
+        ["net.conv=[[2,8,8]]", "net.dense=4"],
+    )  # fmt: skip
+    tensors, card = checkpoint.load(seeing)
+    card["task"] |= {
+        "reward": {"function": 1.0},
+        "reward_code": RewardCode(name="hostile.py", source=RAN).model_dump(),
+    }
+    checkpoint.save(seeing, tensors, card)
+    return {
+        f"teacher {path.stem}": Target(path, partial(read, path), hostile.safetensors_cases)
+        for path in (vector, seeing)
+    }
+
+
+def run_targets(folder):
+    task = reach()
+    for _ in Experiment(Plan(task, "scratch", [0, 1], folder)).run():
+        pass
+
+    def read():
+        run = read_run(folder)
+        assert run.taught_until >= 0
+        if run.returns.size and (run.progress is None or run.progress.size):
+            found = compare({run.label: run}, run.label, None)
+            assert json.dumps([record(row) for row in found.standings])
+
+    def networks():
+        path, like = folder / "checkpoint.safetensors", (spaces_of(task), task.net, 2)
+        checkpoint.check_networks(path, *like, str(path), checkpoint.NETWORKS)
+        checkpoint.load_networks(path, ActorCritic(*like))
+
+    learner = learner_of(task, [0, 1])
+    checkpoint.save_learner(folder / "checkpoint.safetensors", learner, {})
+    kinds = {
+        "run.json": (read, hostile.json_cases),
+        "metrics.csv": (read, hostile.csv_cases),
+        "checkpoint.safetensors": (networks, lambda data: hostile.safetensors_cases(data)),
+    }
+    return {name: Target(folder / name, *kind) for name, kind in kinds.items()}
+
+
+def card_targets(folder):
+    folder.mkdir()
+    (folder / "card.toml").write_bytes(hostile.as_toml(CARD))
+    (folder / "mine.npy").write_bytes(OVAL.read_bytes())
+    (folder / "model_metadata.json").write_text(json.dumps(METADATA, indent=1))
+    (folder / "hyperparameters.json").write_text(json.dumps(HYPERPARAMETERS, indent=1))
+
+    def read():
+        card = read_task(str(folder / "card.toml"))
+        assert to_toml(card.with_settings(["ppo.gamma=0.5"]))
+        assert relation(read_task("racer-inner"), card)
+
+    def track():
+        assert load_track(str(folder / "mine.npy")).tightest_radius >= 0
+
+    kinds = {
+        "card.toml": (read, partial(hostile.toml_cases, CARD)),
+        "model_metadata.json": (read, hostile.json_cases),
+        "hyperparameters.json": (read, hostile.json_cases),
+        "mine.npy": (track, hostile.npy_cases),
+    }
+    return {name: Target(folder / name, *kind) for name, kind in kinds.items()}
+
+
+def log_targets(folder):
+    log = Simtrace(folder, TASK)
+    log.train(1, [trace(3), trace(4, seed=1)])
+    steps = folder / "training-simtrace" / "0-iteration.csv"
+    episodes = folder / "metrics" / "TrainingMetrics.json"
+    return {
+        "simtrace": Target(steps, lambda: list(read_training(folder)), hostile.csv_cases),
+        "TrainingMetrics.json": Target(episodes, log._holds_training, hostile.json_cases),
+    }
+
+
+def all_targets(root):
+    makers = (teacher_targets, run_targets, card_targets, log_targets)
+    found = {}
+    for maker in makers:
+        found |= maker(root / maker.__name__)
+    return found
