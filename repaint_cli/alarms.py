@@ -15,6 +15,9 @@ from repaint_cli.tasks import TaskCard
 RARE = -4.0
 """Mean log ρ below which the loss on instances has next to no slope."""
 
+LARGE = 1e8
+"""Mean squared error of a critic in returns of 10,000 and more."""
+
 IN_A_ROW = 3
 """Iterations under the reference before there is an alarm."""
 
@@ -43,7 +46,7 @@ def alarms_of(
         reference: evaluated mean returns (S, K) of a run from scratch on the same task, or None.
         rule: of selection; for `auto` it is no alarm to keep nothing.
     """
-    found = list[tuple[str, str]]()
+    found = [] if len(before) else [*_of_the_scale(report)]
     if "kept_reward" in report.stats.numbers:
         found += [*_of_the_kept(report, rule), *_of_the_teachers(report)]
         found += _of_the_outcome(report, before[-1:])
@@ -52,6 +55,17 @@ def alarms_of(
         found += _of_the_reference(returns, report.stats.iteration, reference)
     k = report.stats.iteration
     return [Alarm(k, kind, f"iteration {k}: {text}") for kind, text in found]
+
+
+def _of_the_scale(report: Report) -> Iterator[tuple[str, str]]:
+    """Ask, once, whether rewards are of a size that a critic can learn."""
+    error = _mean(report, "value_loss")
+    if error > LARGE:
+        yield (
+            "large-rewards",
+            f"rewards are large (the critic's mean squared error is {error:.1g}), and it learns "
+            "the slower; smaller weights in [reward] help",
+        )
 
 
 def _of_the_kept(report: Report, rule: str) -> Iterator[tuple[str, str]]:
