@@ -254,8 +254,10 @@ def _trace(rows: Iterator[dict[str, str]]) -> Trace:
         numbers.extend(float(row.get(name) or 0) for name in NUMBERS)
         numbers.append(row.get("all_wheels_on_track") == "True")
         status = row["episode_status"]
-    table = np.array(numbers).reshape(-1, len(NUMBERS) + 1)
-    if not (np.abs(table) < 2**53).all():  # nan neither; some of them count something
+    table = np.frombuffer(numbers).reshape(-1, len(NUMBERS) + 1)
+    if (
+        not -(2**53) < table.min() <= table.max() < 2**53
+    ):  # nan neither; some of them count something
         raise ValueError("expected numbers within 2^53")
     whole = dict(zip((*NUMBERS, "on"), table.T, strict=True))
     return Trace(
