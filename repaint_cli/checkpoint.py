@@ -145,7 +145,7 @@ Form = tuple[tuple[int, ...], str]
 def _check_forms(
     found: Mapping[str, Form], spaces: Spaces, net: NetConfig, n_seeds: int, where: str
 ) -> None:
-    forms = _forms_of(spaces, net)
+    forms = forms_of(spaces, net)
     numbers = n_seeds * sum(prod(shape) for shape, _ in forms.values())
     for name, (shape, kind) in forms.items():
         if name not in found:
@@ -165,7 +165,7 @@ def _check_forms(
         raise CheckpointError(f"{where}: leaf '{name:.100}' is unknown to the network")
 
 
-def _forms_of(spaces: Spaces, net: NetConfig) -> dict[str, Form]:
+def forms_of(spaces: Spaces, net: NetConfig) -> dict[str, Form]:
     """Return what a file keeps of one seed's networks; nothing is allocated."""
     leaves = [leaf for tower in leaves_of(spaces, net).values() for leaf in tower]
     forms: dict[str, Form] = {leaf.name: (leaf.shape, "float32") for leaf in leaves}

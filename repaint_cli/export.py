@@ -18,7 +18,8 @@ from repaint_cli.errors import RepaintError
 from repaint_cli.files import as_json, write_text, written_whole
 from repaint_cli.model_card import markdown
 from repaint_cli.nets import ActorCritic
-from repaint_cli.zoo import TeacherCard, load_teacher
+from repaint_cli.teacher_card import TeacherCard
+from repaint_cli.zoo import load_teacher
 
 OPSET = 20
 

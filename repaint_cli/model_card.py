@@ -6,7 +6,7 @@ from typing import Any
 
 from repaint_cli.files import sha256
 from repaint_cli.tasks import TaskCard
-from repaint_cli.zoo import Score, TeacherCard
+from repaint_cli.teacher_card import Score, TeacherCard
 
 
 def markdown(card: TeacherCard, path: Path) -> str:

@@ -3,7 +3,6 @@
 from collections.abc import Iterator
 from contextlib import suppress
 from datetime import UTC, datetime
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -13,7 +12,6 @@ from repaint_cli.alarms import Alarm, alarms_of, reference_beside
 from repaint_cli.errors import RepaintError, telling_where
 from repaint_cli.evaluate import evaluate, has_paths, spaces_of
 from repaint_cli.files import alone_in, as_json, write_text
-from repaint_cli.history import read_run
 from repaint_cli.learn import q_learning, trainer
 from repaint_cli.learn.learner import Learner
 from repaint_cli.learn.seeding import Purpose
@@ -23,10 +21,12 @@ from repaint_cli.metrics import Report, append_csv
 from repaint_cli.nets import ActorCritic
 from repaint_cli.past import CHECKPOINT, Past, claim, find_past, forget_after, save_checkpoint
 from repaint_cli.plans import Plan
+from repaint_cli.provenance import changed_versions, versions
 from repaint_cli.report.statistics import mean_ci
 from repaint_cli.simtrace import START, Simtrace, log_folders
 from repaint_cli.simulators import RacerEnv
 from repaint_cli.tasks import TaskCard
+from repaint_cli.teacher_card import Score, TeacherCard
 from repaint_cli.teaching import load_staff, warm_start
 from repaint_cli.traces import driven, played
 
@@ -210,9 +210,9 @@ class Experiment:
         scored = {"name": name, "score": score(network, self.plan.task, card.seed)}
         return zoo.add(network, 0, card.model_copy(update=scored), folder, replace=replace)
 
-    def _card(self, name: str, s: int) -> zoo.TeacherCard:
+    def _card(self, name: str, s: int) -> TeacherCard:
         spaces = self.learner.student.spaces
-        return zoo.TeacherCard(
+        return TeacherCard(
             name=name,
             task=self.plan.task,
             obs_shape=spaces.obs_shape,
@@ -230,7 +230,7 @@ class Experiment:
         )
 
 
-def score(network: ActorCritic, task: TaskCard, seed: int) -> zoo.Score:
+def score(network: ActorCritic, task: TaskCard, seed: int) -> Score:
     """Evaluate one policy on seeds that no training or evaluation has used."""
     episodes = SCORE_EPISODES[task.env.simulator]
     played = evaluate(network, task, [seed], episodes, purpose=Purpose.SCORE)
@@ -238,32 +238,4 @@ def score(network: ActorCritic, task: TaskCard, seed: int) -> zoo.Score:
     laps = progress = None
     if played.progress is not None:
         progress, laps = float(played.progress.mean()), int((played.progress >= 100).sum())
-    return zoo.Score(mean=mean, low=low, high=high, episodes=episodes, progress=progress, laps=laps)
-
-
-def versions() -> dict[str, str]:
-    """Return the versions of what results depend on."""
-    found = {}
-    for name in ("repaint-rl", "torch", "gymnasium", "mujoco", "envpool", "numpy", "numba"):
-        try:
-            found[name] = version(name)
-        except PackageNotFoundError:
-            continue
-    return found
-
-
-def changed_versions(folder: Path) -> list[str]:
-    """Return what to say where a run goes on with other libraries than it began with."""
-    theirs, ours = read_run(folder).record["versions"], versions()
-    changed = [
-        f"{name} {theirs.get(name)} → {ours.get(name)}"
-        for name in sorted(theirs.keys() | ours.keys())
-        if theirs.get(name) != ours.get(name)
-    ]
-    said = f"the run goes on with other versions ({', '.join(changed)}): not bit for bit"
-    return [said] if changed else []
-
-
-def stamp() -> str:
-    """Return the local time as a folder's name, to the second."""
-    return datetime.now().astimezone().strftime("%Y%m%d-%H%M%S")
+    return Score(mean=mean, low=low, high=high, episodes=episodes, progress=progress, laps=laps)

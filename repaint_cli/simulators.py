@@ -5,6 +5,7 @@ Nothing here imports a simulator before it is needed.
 
 import os
 import re
+from importlib import import_module
 from math import prod
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -69,8 +70,11 @@ class GymEnv(Settings):
         """
         import gymnasium
 
+        module, _, name = self.id.rpartition(":")  # where it is registered, and its name
         try:
-            limit = gymnasium.spec(self.id).max_episode_steps
+            if module:
+                import_module(module)
+            limit = gymnasium.spec(name).max_episode_steps
         except (gymnasium.error.Error, ImportError) as error:
             raise CardError(f"gymnasium has no environment '{self.id}': {error}") from error
         if limit is None:

@@ -54,15 +54,16 @@ def load_learner(path: Path, learner: Learner) -> dict[str, Any]:
     theirs = notes.get("version", "before 0.1.0")
     if theirs != __version__:
         raise CheckpointError(
-            f"{path} was written by repaint {theirs}, this is repaint {__version__} and would not "
-            "go on as that one; resume it with the version that wrote it"
+            f"{path} was written by repaint {theirs!s:.20}, this is repaint {__version__}, which "
+            "would not go on as that one; resume it with the version that wrote it"
         )
     if notes.get("seeds") != learner.seeds:
-        raise CheckpointError(f"{path} holds seeds {notes.get('seeds')}, wanted {learner.seeds}")
+        found = str(notes.get("seeds"))
+        raise CheckpointError(f"{path} holds seeds {found:.100}, wanted {learner.seeds}")
     try:
         _put(path, tensors, notes, learner)
     except (KeyError, TypeError, ValueError) as error:
-        raise CheckpointError(f"{path} lacks a part or has a wrong one: {error}") from error
+        raise CheckpointError(f"{path} lacks a part or has a wrong one: {error!s:.200}") from error
     return notes
 
 

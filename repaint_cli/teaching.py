@@ -15,13 +15,14 @@ from repaint_cli.nets import ActorCritic
 from repaint_cli.similarity import cosine
 from repaint_cli.spaces import Spaces
 from repaint_cli.tasks import TaskCard
+from repaint_cli.teacher_card import TeacherCard, read_card
 
 
 @dataclass(frozen=True)
 class Staff:
     """The teachers of a run."""
 
-    cards: tuple[zoo.TeacherCard, ...]
+    cards: tuple[TeacherCard, ...]
     """What each is."""
     teachers: tuple[Teacher, ...]
     """What the trainer learns from."""
@@ -52,7 +53,7 @@ def load_staff(
         CardError: their number and the settings do not go together.
         CheckpointError: a file is damaged.
     """
-    cards = [zoo.read_card(path) for path in paths]
+    cards = [read_card(path) for path in paths]
     zoo.check_fits(cards, task, spaces)
     acts = [acting is None or path in acting for path in paths]
     _check_numbers(task, len(paths), sum(acts))
@@ -108,7 +109,7 @@ def _check_relevance(task: TaskCard, spaces: Spaces) -> None:
         raise CardError(f"expected vectors to observe with --select rbt, found {spaces}")
 
 
-def _weights(card: zoo.TeacherCard, task: TaskCard) -> np.ndarray | None:
+def _weights(card: TeacherCard, task: TaskCard) -> np.ndarray | None:
     """Return w of a teacher's own task in the order of the target's terms, or None without one."""
     if card.task.reward_code or task.reward_code:
         return None
@@ -139,7 +140,7 @@ def warm_start(student: ActorCritic, staff: Staff, task: TaskCard) -> None:
         raise TeacherMismatch(f"a warm start needs equal networks: {error}") from error
 
 
-def _check_same_networks(card: zoo.TeacherCard, task: TaskCard) -> None:
+def _check_same_networks(card: TeacherCard, task: TaskCard) -> None:
     """Check what leaves of equal shapes would not show: how dense networks see and bend."""
     if task.net.kind != "mlp":
         return

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from repaint_cli import trust
 from repaint_cli.errors import CheckpointError, RepaintError
 from repaint_cli.evaluate import spaces_of
 from repaint_cli.files import read_hash
@@ -24,8 +25,8 @@ def verify(path: Path, *, again: bool = False) -> str:
     """
     network, card = load_teacher(path)
     found = ["sound"] if read_hash(path) else ["sound, but without a hash: of an earlier version"]
-    if card.task.reward_code:
-        return f"{found[0]}; its task's reward function is not run from here"
+    if code := trust.code_of(card.task):
+        return f"{found[0]}; {code} is never run from a teacher's file"
     try:
         spaces = spaces_of(card.task)
         again_score = score(network, card.task, card.seed) if again else None

@@ -12,15 +12,16 @@ from tiny_learners import learner_of, spaces_of
 from tiny_runs import REACHER, add_teacher
 from tiny_tasks import reach
 
-from repaint_cli import checkpoint, zoo
+from repaint_cli import checkpoint, snapshot, zoo
 from repaint_cli.cards import read_task
 from repaint_cli.cli.tasks import to_toml
 from repaint_cli.cli.words import literal
 from repaint_cli.history import read_run
 from repaint_cli.nets import ActorCritic
 from repaint_cli.paths import PACKAGE
+from repaint_cli.plans import Plan
 from repaint_cli.report.comparison import compare, record
-from repaint_cli.runs import Experiment, Plan
+from repaint_cli.runs import Experiment
 from repaint_cli.similarity import cosine, relation
 from repaint_cli.simtrace import Simtrace, read_training
 from repaint_cli.simulators import load_track
@@ -59,6 +60,8 @@ class Target:
     sound: bytes = b""
 
     def __post_init__(self):
+        if self.path.suffix == ".safetensors":
+            hostile.forget_hash(self.path)
         self.sound = self.path.read_bytes()
 
 
@@ -99,17 +102,20 @@ def run_targets(folder):
             found = compare({run.label: run}, run.label, None)
             assert json.dumps([record(row) for row in found.standings])
 
-    def networks():
-        path, like = folder / "checkpoint.safetensors", (spaces_of(task), task.net, 2)
-        checkpoint.check_networks(path, *like, str(path), checkpoint.NETWORKS)
-        checkpoint.load_networks(path, ActorCritic(*like))
+    path = folder / "checkpoint.safetensors"
 
-    learner = learner_of(task, [0, 1])
-    checkpoint.save_learner(folder / "checkpoint.safetensors", learner, {})
+    def checkpoint_read():
+        like = spaces_of(task), task.net, 2
+        try:
+            snapshot.load_learner(path, learner_of(task, [0, 1]))
+        finally:
+            checkpoint.check_networks(path, *like, str(path), snapshot.NETWORKS)
+            snapshot.load_networks(path, ActorCritic(*like))
+
     kinds = {
         "run.json": (read, hostile.json_cases),
         "metrics.csv": (read, hostile.csv_cases),
-        "checkpoint.safetensors": (networks, lambda data: hostile.safetensors_cases(data)),
+        "checkpoint.safetensors": (checkpoint_read, lambda data: hostile.safetensors_cases(data)),
     }
     return {name: Target(folder / name, *kind) for name, kind in kinds.items()}
 

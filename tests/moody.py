@@ -1,4 +1,4 @@
-"""An environment of a user's that has bad days: `python -m repaint_cli` finds it as moody:Moody-v0."""
+"""An environment of a user's that has bad days, found as `moody:Moody-v0`."""
 
 import gymnasium
 import numpy as np

@@ -18,7 +18,9 @@ from repaint_cli import checkpoint, files, zoo
 from repaint_cli.cards import read_task
 from repaint_cli.history import read_run
 from repaint_cli.plans import Plan, plan_of
-from repaint_cli.runs import Experiment, versions
+from repaint_cli.provenance import versions
+from repaint_cli.runs import Experiment
+from repaint_cli.teacher_card import TeacherCard
 
 AS_WRITTEN = "ppo.compiled=false"  # what is compiled takes a while to load
 AUTO = (
@@ -60,7 +62,7 @@ def add_teacher(task, folder):
     lessons = getattr(tiny_tasks, task.name)(n_iterations=12, learning_rate=0.02)
     learner, _ = trained(lessons, seeds=[7], instance=0)
     spaces = learner.student.spaces
-    card = zoo.TeacherCard(
+    card = TeacherCard(
         name="old-hand", task=task, obs_shape=spaces.obs_shape, n_actions=spaces.n_actions,
         discrete=spaces.discrete, method="scratch", seed=0, iteration=1, env_steps=10,
         versions=versions(), created="2021-07-18T00:00:00+00:00",

@@ -10,7 +10,7 @@ from repaint_cli.config import PPOConfig, SelectConfig, Settings, TransferConfig
 from repaint_cli.methods import METHODS
 from repaint_cli.simulators import GymEnv, RacerEnv
 from repaint_cli.tasks import TaskCard
-from repaint_cli.zoo import Score, TeacherCard
+from repaint_cli.teacher_card import Score, TeacherCard
 
 RECORDS = [part for part in vars(config).values() if isinstance(part, type)]
 RECORDS = [part for part in RECORDS if issubclass(part, Settings) and part is not Settings]

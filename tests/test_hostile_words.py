@@ -42,7 +42,7 @@ def hostile_teacher(home):
 COMMANDS = [
     ("zoo list", "talker"),
     ("zoo show talker", "talker"),
-    ("zoo verify", "talker: sound"),
+    ("zoo verify", "is never run from a teacher's file"),
     ("eval talker", "owned"),
     ("eval talker --task reacher", r"knows the reward terms \x1b]0;owned"),
     ("similarity talker reacher", "not comparable"),
@@ -63,10 +63,8 @@ def test_files_of_any_name_do_nothing_to_a_terminal(repaint, hostile_teacher):
     sound = add_teacher(hostile_teacher.parent, "sound")
     sound.rename(sound.with_stem(name))
     (hostile_teacher.parent / "[bold]\x07.safetensors").write_bytes(b"x")
-    shown = harmless(repaint("zoo", "list"))
-    assert r"\x1b[2J[red]x[bold]" in shown
-    assert r"[bold]\x07" in shown
-    assert r"\x1b[2J[red]x[bold]: sound" in harmless(repaint("zoo", "verify"))
+    for words in ("list", "verify"):  # a file of no teacher's name is no teacher
+        assert "[2J" not in harmless(repaint("zoo", words))
     assert r"unknown teacher 'x\x1b[2J'" in harmless(repaint("zoo", "show", "x\x1b[2J"))
     assert r"No such option: --x\x1b[2J" in harmless(repaint("zoo", "list", "--x\x1b[2J"))
 

@@ -14,7 +14,7 @@ from tiny_runs import QUICK, add_teacher, files_below
 from repaint_cli import checkpoint, runs
 from repaint_cli.checkpoint import load
 from repaint_cli.errors import CardError, CheckpointError, NotFound, StoreError, TeacherMismatch
-from repaint_cli.files import alone_in
+from repaint_cli.files import alone_in, sha256
 from repaint_cli.history import read_run
 from repaint_cli.plans import plan_of
 from repaint_cli.report.pictures import draw_run
@@ -164,7 +164,7 @@ def test_a_checkpoint_of_another_version_is_refused(repaint, home):
     rewritten(home / "run" / "checkpoint.safetensors", version="0.0.7")
     said = repaint("transfer", "--resume", "run")
     assert said.code == CheckpointError.exit_code
-    assert "was written by repaint 0.0.7, this is repaint 0.1.0" in said.err
+    assert "was written by repaint 0.0.7, this is repaint 0.1.0, which" in said.err
 
 
 def test_a_checkpoint_of_another_run_is_refused(repaint, home):
@@ -194,8 +194,7 @@ def test_a_run_whose_teacher_is_another_now_is_refused(repaint, home):
     add_teacher(home / "home" / "zoo", iteration=2)
     said = repaint("transfer", "--resume", "run", "--iterations", 3)
     assert said.code == TeacherMismatch.exit_code
-    theirs, ours = (runs.read_run(home / "run").record["teachers"][0]["sha256"], "")
-    ours = mortal.files.sha256(teacher)
+    theirs, ours = record_of(home / "run")["teachers"][0]["sha256"], sha256(teacher)
     assert f"was {theirs[:12]}… (sha256), {teacher} is {ours[:12]}…" in said.err
     elsewhere.replace(teacher)
     assert repaint("transfer", "--resume", "run", "--iterations", 3).code == 0

@@ -30,6 +30,7 @@ from repaint_cli.nets import ActorCritic
 from repaint_cli.plans import Plan
 from repaint_cli.snapshot import load_networks
 from repaint_cli.tasks import TaskCard
+from repaint_cli.teacher_card import read_card
 
 SCRATCH = ["transfer", "--method", "scratch", "--task", "reacher", "--run", "run", *QUICK]
 ALWAYS = {
@@ -112,7 +113,7 @@ def test_train_teacher_keeps_the_best_evaluated_policy_with_its_score(repaint, h
     assert "next: repaint eval mine --render-offscreen" in said.out
     (folder,) = (home / "runs" / "reacher").iterdir()
     best = max(rows_of(folder), key=lambda row: float(row["eval_return"]))
-    card = runs.zoo.read_card(path)
+    card = read_card(path)
     assert (str(card.iteration), str(card.seed)) == (best["iteration"], best["seed"])
     assert str(card.env_steps) == best["env_steps"]
     assert card.score.episodes == 100
@@ -124,7 +125,7 @@ def test_a_students_file_names_its_teachers_hash_and_is_a_teacher(repaint, home)
     teacher = add_teacher(home / "home" / "zoo")
     repaint("transfer", "--teacher", "old-hand", "--task", "reacher", "--run", "run", *QUICK)
     student = home / "run" / "seed-0.safetensors"
-    assert runs.zoo.read_card(student).parents == (sha256(teacher),)
+    assert read_card(student).parents == (sha256(teacher),)
     said = repaint("transfer", "--teacher", student, "--task", "reacher", "--run", "next", *QUICK)
     assert said.code == 0
 

@@ -13,6 +13,7 @@ from repaint_cli.errors import CheckpointError, NotFound, RepaintError, StoreErr
 from repaint_cli.nets import ActorCritic
 from repaint_cli.paths import shipped
 from repaint_cli.spaces import Spaces
+from repaint_cli.teacher_card import check_name, read_card
 
 SHIPPED = sorted(shipped("zoo").glob("*.safetensors"))
 
@@ -29,7 +30,7 @@ def test_a_teacher_acts_after_loading_as_it_did_before_to_the_bit(folder):
     obs = torch.randn(3, 50, 10, generator=torch.Generator().manual_seed(1))
     for s in range(3):
         network.normalizer.update(s, obs[s] * (s + 1) + s)
-    card = zoo.read_card(add_teacher(folder))
+    card = read_card(add_teacher(folder))
     path = zoo.add(network, 1, card, folder)
     loaded, read = zoo.load_teacher(path, n_seeds=2)
     with torch.no_grad():
@@ -61,12 +62,12 @@ def test_half_written_files_are_no_teachers(folder):
 @pytest.mark.parametrize("name", ["", "../x", "a b", ".hidden", "x" * 65, "é", "a/b"])
 def test_names_that_make_no_file_are_refused(name):
     with pytest.raises(StoreError, match="expected a teacher's name of 1 to 64 letters"):
-        zoo.check_name(name)
+        check_name(name)
 
 
 @pytest.mark.parametrize("name", ["a", "Racer-inner_2.1", "x" * 64])
 def test_other_names_are_fine(name):
-    zoo.check_name(name)
+    check_name(name)
 
 
 def test_an_unknown_teacher_has_its_neighbours_named(folder):
@@ -86,14 +87,14 @@ def test_a_teacher_of_other_spaces_is_refused_with_both_and_who_fits(folder):
         "10 observations and 2 continuous actions; teachers that fit: .*fits"
     )
     with pytest.raises(TeacherMismatch, match=message):
-        zoo.check_fits([zoo.read_card(small)], read_task("reacher"), REACHER)
+        zoo.check_fits([read_card(small)], read_task("reacher"), REACHER)
 
 
 def test_a_teacher_of_other_reward_terms_is_refused(folder):
     path = add_teacher(folder, "run", settings=["reward.run=1"])
     message = "'run' knows the reward terms reward_dist, reward_ctrl, run, task 'reacher' has"
     with pytest.raises(TeacherMismatch, match=message):
-        zoo.check_fits([zoo.read_card(path)], read_task("reacher"), REACHER)
+        zoo.check_fits([read_card(path)], read_task("reacher"), REACHER)
 
 
 @pytest.mark.parametrize(
@@ -109,7 +110,7 @@ def test_a_card_that_says_something_it_may_not_is_refused(folder, spoil, message
     path = add_teacher(folder)
     rewritten(path, spoil)
     with pytest.raises(CheckpointError, match=message):
-        zoo.read_card(path)
+        read_card(path)
 
 
 def rewritten(path, spoil):

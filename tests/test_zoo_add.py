@@ -9,6 +9,7 @@ from tiny_runs import QUICK, add_teacher, files_below, weights_of
 
 from repaint_cli import zoo
 from repaint_cli.paths import PACKAGE
+from repaint_cli.teacher_card import read_card
 
 
 def refused(repaint, code, message, *words):
@@ -27,7 +28,7 @@ def test_a_teachers_file_is_added_under_another_name(repaint, home):
     assert "next: repaint transfer --teacher new-name --task reacher" in said.out
     found = zoo.find("new-name")
     assert found.parent == home / "home" / "zoo"
-    assert zoo.read_card(found) == zoo.read_card(path).model_copy(update={"name": "new-name"})
+    assert read_card(found) == read_card(path).model_copy(update={"name": "new-name"})
     old, new = weights_of(path), weights_of(found)
     assert all(torch.equal(old[name], new[name]) for name in old)
     assert repaint("zoo", "verify", "new-name").out == "new-name: sound\n"
@@ -41,7 +42,7 @@ def test_a_name_is_taken_once(repaint, home):
     )
     other = add_teacher(home / "elsewhere", "other", env_steps=77)
     assert repaint("zoo", "add", "mine", other, "--replace").code == 0
-    assert zoo.read_card(zoo.find("mine")).env_steps == 77
+    assert read_card(zoo.find("mine")).env_steps == 77
     refused(repaint, 7, "expected a teacher's name of 1 to 64", "not/mine", path)
 
 
@@ -78,7 +79,7 @@ def test_a_policy_trained_elsewhere_is_added_verified_and_taught_by(repaint, hom
     assert re.search(r"score on reacher: -\d+\.?\d* \[-.*\] over 100 episodes", said.out)
     assert repaint("zoo", "verify", "guest").out == "guest: sound\n"
     assert "guest" in repaint("zoo", "list", "--fits", "reacher").out
-    card = zoo.read_card(zoo.find("guest"))
+    card = read_card(zoo.find("guest"))
     assert (card.method, card.seed, card.env_steps) == ("imported", 1, 384)
 
     network, _ = zoo.load_teacher(zoo.find("guest"))

@@ -7,8 +7,9 @@ from repaint_cli import zoo
 from repaint_cli.cards import read_task
 from repaint_cli.checkpoint import policy_tensors
 from repaint_cli.nets import ActorCritic
-from repaint_cli.runs import versions
+from repaint_cli.provenance import versions
 from repaint_cli.spaces import Spaces
+from repaint_cli.teacher_card import TeacherCard
 
 REACHER = Spaces((10,), 2, False)
 QUICK = [
@@ -32,7 +33,7 @@ def add_teacher(folder, name="old-hand", task="reacher", spaces=REACHER, setting
     network.initialize([np.random.default_rng(1)])
     with torch.no_grad():  # heads begin near 0: make the teacher opinionated
         network.weights["policy.head.weight"] *= 100
-    card = zoo.TeacherCard(
+    card = TeacherCard(
         name=name, task=task, obs_shape=spaces.obs_shape, n_actions=spaces.n_actions,
         discrete=spaces.discrete, method="scratch", seed=0, iteration=1, env_steps=10,
         versions=versions(), created="2021-07-18T00:00:00+00:00",

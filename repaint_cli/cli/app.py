@@ -61,7 +61,9 @@ def main() -> None:
     _speak_plainly()
     words = [word for word in sys.argv[1:] if word != DEBUG]
     try:
-        sys.exit(app(words or ["--help"], standalone_mode=False))
+        code = app(words or ["--help"], standalone_mode=False)
+        sys.stdout.flush()
+        sys.exit(code)
     except RepaintError as error:
         if DEBUG in sys.argv:
             raise

@@ -18,8 +18,8 @@ from repaint_cli.history import Run, newest_run, read_run
 from repaint_cli.learn.seeding import Purpose
 from repaint_cli.nets import ActorCritic
 from repaint_cli.past import CHECKPOINT
+from repaint_cli.provenance import stamp
 from repaint_cli.report.pictures import Colour, draw_trajectories, film
-from repaint_cli.runs import stamp
 from repaint_cli.simtrace import Simtrace
 from repaint_cli.simulators import GymEnv, RacerEnv
 from repaint_cli.snapshot import NETWORKS, load_networks

@@ -7,10 +7,9 @@ from contextlib import nullcontext
 from itertools import chain, count
 from pathlib import Path
 
-from rich.markup import escape
-
 from repaint_cli import evaluations, zoo
 from repaint_cli.cli.screen import Screen, out
+from repaint_cli.cli.words import literal
 from repaint_cli.errors import CardError, NotFound, StoreError, Terminated
 from repaint_cli.evaluate import has_paths
 from repaint_cli.files import check_writable
@@ -19,11 +18,13 @@ from repaint_cli.methods import METHODS
 from repaint_cli.past import CHECKPOINT
 from repaint_cli.paths import user_zoo
 from repaint_cli.plans import Plan, plan_of
+from repaint_cli.provenance import stamp
 from repaint_cli.report.events import Events, require_tensorboard
 from repaint_cli.report.pictures import draw_run
-from repaint_cli.runs import BEST, Experiment, stamp
+from repaint_cli.runs import BEST, Experiment
 from repaint_cli.simtrace import log_folders
 from repaint_cli.simulators import RacerEnv
+from repaint_cli.teacher_card import check_name
 
 
 def new_folder(run: Path | None, task: str, what: str) -> Path:
@@ -44,7 +45,7 @@ def new_teacher_name(name: str, replace: bool) -> str:
     Raises:
         StoreError: it may not, or one is there already.
     """
-    zoo.check_name(name)
+    check_name(name)
     path = user_zoo() / f"{name}.safetensors"
     if path.exists() and not replace:
         raise StoreError(
@@ -150,7 +151,7 @@ def carry_out(plan: Plan, tensorboard: bool, *, resume: bool = False) -> None:
         require_tensorboard()
     experiment = Experiment(plan, resume=resume)
     for notice in experiment.notices:
-        out.print(f"[yellow]warning:[/yellow] {escape(notice)}")
+        out.print(f"[yellow]warning:[/yellow] {literal(notice)}")
     interruption = _train(experiment, tensorboard)
     written = [plan.folder / name for name in ("run.json", "metrics.csv", CHECKPOINT)]
     written += [plan.folder / f"{BEST}.safetensors", *experiment.policies()]
@@ -184,11 +185,11 @@ def _train(experiment: Experiment, tensorboard: bool) -> KeyboardInterrupt | Non
     except (KeyboardInterrupt, Terminated) as interruption:
         out.print(f"interrupted after iteration {experiment.learner.iteration}")
         if isinstance(interruption, Terminated) or not experiment.learner.iteration:
-            out.print(f"next: [bold]{escape(resuming(plan))}[/bold]")
+            out.print(f"next: [bold]{literal(resuming(plan))}[/bold]")
             raise
         return interruption
     except StoreError:
-        out.print(f"once there is room again: [bold]{escape(resuming(plan))}[/bold]")
+        out.print(f"once there is room again: [bold]{literal(resuming(plan))}[/bold]")
         raise
     return None
 
@@ -199,5 +200,5 @@ def say_written(files: list[Path], following: str) -> None:
     for path in files:
         folders.setdefault(path.parent, []).append(path.name)
     for folder, names in folders.items():
-        out.print(f"wrote [bold]{folder}/[/bold]: {', '.join(names)}")
-    out.print(f"next: [bold]{following}[/bold]")
+        out.print(f"wrote [bold]{literal(folder)}/[/bold]: {literal(', '.join(names))}")
+    out.print(f"next: [bold]{literal(following)}[/bold]")

@@ -50,10 +50,11 @@ def _card(name: str) -> "TaskCard":
         return read_task(name)
     from repaint_cli import zoo
     from repaint_cli.errors import CardError, NotFound
+    from repaint_cli.teacher_card import read_card
 
     teachers = zoo.teachers()
     if name in teachers or name.endswith(".safetensors"):
-        card = zoo.read_card(zoo.find(name)).task
+        card = read_card(zoo.find(name)).task
         if card.reward_code:
             raise CardError(
                 f"'{name}' was trained with the reward function {card.reward_code.name}, which is "

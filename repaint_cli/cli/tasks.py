@@ -136,8 +136,9 @@ def trust(
     That is a reward function, or a module that its environment is in; read it first.
     """
     from repaint_cli import trust
+    from repaint_cli.cli.words import plain
     from repaint_cli.history import read_run
 
     task = read_run(run).task
     trust.allow(task)
-    print(f"trusted: {trust.code_of(task) or 'nothing, it brings no code along'}")
+    print(f"trusted: {plain(trust.code_of(task) or 'nothing, it brings no code along')}")

@@ -30,7 +30,7 @@ def list_teachers(
 
 
 def _seen(path: Path) -> tuple[str, str, str]:
-    from repaint_cli.zoo import glance
+    from repaint_cli.teacher_card import glance
 
     try:
         task, score, steps = glance(path)
@@ -62,12 +62,14 @@ def show(
 ) -> None:
     """Show a teacher's card."""
     from repaint_cli import model_card
-    from repaint_cli.zoo import find, read_card
+    from repaint_cli.cli.words import plain
+    from repaint_cli.teacher_card import read_card
+    from repaint_cli.zoo import find
 
     path = find(name)
     card = read_card(path)
     if markdown:
-        print(model_card.markdown(card, path), end="")
+        print(plain(model_card.markdown(card, path)), end="")
     else:
         print(json.dumps(card.model_dump(mode="json"), indent=2))
 
@@ -91,7 +93,7 @@ def verify(
     for each in names:
         path = find(each)
         try:
-            print(f"{plain(each)}: {verify(path, again=score)}")
+            print(plain(f"{each}: {verify(path, again=score)}"))
         except (CheckpointError, CardError) as error:
             bad.append(f"{each}: {error}")
     if bad:

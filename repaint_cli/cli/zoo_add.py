@@ -9,7 +9,7 @@ from repaint_cli.errors import CardError, NotFound
 
 if TYPE_CHECKING:
     from repaint_cli.nets import ActorCritic
-    from repaint_cli.zoo import TeacherCard
+    from repaint_cli.teacher_card import TeacherCard
 
 SOURCES = ("sb3", "cleanrl")
 

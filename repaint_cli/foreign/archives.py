@@ -4,7 +4,6 @@ import io
 import zipfile
 import zlib
 from collections.abc import Iterable
-from pathlib import Path
 from typing import Any
 
 import torch
@@ -14,21 +13,6 @@ from repaint_cli.errors import CheckpointError
 
 LARGEST = 512 * 2**20
 """Bytes that a file, or a part of it when unpacked, may have."""
-
-
-def read_bytes(path: Path) -> bytes:
-    """Return a file's bytes.
-
-    Raises:
-        CheckpointError: there is none, or it is too large.
-    """
-    try:
-        size = path.stat().st_size
-        if size > LARGEST:
-            raise CheckpointError(f"{path}: expected at most {LARGEST} bytes, found {size}")
-        return path.read_bytes()
-    except OSError as error:
-        raise CheckpointError(f"cannot read {path}: {error.strerror}") from error
 
 
 def read_members(

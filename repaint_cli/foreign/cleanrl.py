@@ -11,8 +11,9 @@ from torch import Tensor
 
 from repaint_cli.architecture import NetConfig
 from repaint_cli.errors import CheckpointError
-from repaint_cli.foreign.archives import read_bytes, read_tensors
+from repaint_cli.foreign.archives import LARGEST, read_tensors
 from repaint_cli.foreign.imported import CAMERA, Imported, check_nothing_left, renamed, widths
+from repaint_cli.reading import read_bytes
 from repaint_cli.spaces import Spaces
 
 WORKS = "what can be read: ppo.py, ppo_continuous_action.py and ppo_atari.py"
@@ -46,7 +47,7 @@ def read(path: Path, spaces: Spaces) -> tuple[Imported, bool]:
     Raises:
         CheckpointError: the file is absent or damaged, or of another layout.
     """
-    found = read_tensors(read_bytes(path), str(path))
+    found = read_tensors(read_bytes(path, CheckpointError, LARGEST), str(path))
     script = _script(found, path)
     layers, continuous = LAYOUTS[script], script == "ppo_continuous_action.py"
     others = {"actor_logstd"} if continuous else set[str]()

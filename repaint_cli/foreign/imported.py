@@ -14,9 +14,11 @@ from repaint_cli.errors import CardError, CheckpointError, TeacherMismatch
 from repaint_cli.evaluate import spaces_of
 from repaint_cli.foreign.statistics import Statistics
 from repaint_cli.nets import ActorCritic, leaves_of
-from repaint_cli.runs import score, versions
+from repaint_cli.provenance import versions
+from repaint_cli.runs import score
 from repaint_cli.spaces import Spaces
 from repaint_cli.tasks import TaskCard
+from repaint_cli.teacher_card import TeacherCard
 
 CAMERA = ("conv0", "conv1", "conv2", "dense")
 """Our names of the layers of the camera network that Stable-Baselines3 and cleanrl have, too."""
@@ -44,7 +46,7 @@ class Imported:
 
 def as_teacher(
     policy: Imported, statistics: Statistics | None, name: str, task: TaskCard
-) -> tuple[ActorCritic, zoo.TeacherCard]:
+) -> tuple[ActorCritic, TeacherCard]:
     """Make a foreign policy a teacher of a task, and score it there.
 
     Args:
@@ -58,7 +60,7 @@ def as_teacher(
         CardError: the task's environment cannot be made.
     """
     spaces, (net, seen) = spaces_of(task), _sight(policy, statistics)
-    card = zoo.TeacherCard(
+    card = TeacherCard(
         name=name,
         task=task.model_copy(update={"net": net}),
         obs_shape=policy.spaces.obs_shape,
@@ -102,7 +104,7 @@ def _sight(policy: Imported, statistics: Statistics | None) -> tuple[NetConfig, 
     return policy.net.model_copy(update=bounds), leaves
 
 
-def _check_leaves(policy: Imported, card: zoo.TeacherCard) -> None:
+def _check_leaves(policy: Imported, card: TeacherCard) -> None:
     """Check every parameter's shape before there is room for any."""
     towers = leaves_of(policy.spaces, card.task.net)
     wanted = {leaf.name: leaf.shape for leaf in towers["policy"] + towers["value"]}

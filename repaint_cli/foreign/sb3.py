@@ -14,8 +14,9 @@ from torch import Tensor
 
 from repaint_cli.architecture import NetConfig
 from repaint_cli.errors import CheckpointError
-from repaint_cli.foreign.archives import read_bytes, read_members, read_tensors
+from repaint_cli.foreign.archives import LARGEST, read_members, read_tensors
 from repaint_cli.foreign.imported import CAMERA, Imported, check_nothing_left, renamed, widths
+from repaint_cli.reading import read_bytes
 from repaint_cli.spaces import Spaces
 
 DATA, WEIGHTS, VERSION = "data", "policy.pth", "_stable_baselines3_version"
@@ -51,7 +52,9 @@ def read(path: Path) -> tuple[Imported, bool]:
     Raises:
         CheckpointError: the file is absent or damaged, or a policy of another kind.
     """
-    parts = read_members(read_bytes(path), str(path), [DATA, WEIGHTS], [VERSION])
+    parts = read_members(
+        read_bytes(path, CheckpointError, LARGEST), str(path), [DATA, WEIGHTS], [VERSION]
+    )
     data = _settings(parts[DATA], path)
     found = read_tensors(parts[WEIGHTS], f"{path}: {WEIGHTS}")
     algorithm, spaces = _algorithm(data, path), _spaces(data, path)

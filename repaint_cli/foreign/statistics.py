@@ -13,8 +13,9 @@ from typing import Any
 import numpy as np
 
 from repaint_cli.errors import CardError, CheckpointError
-from repaint_cli.foreign.archives import read_bytes, read_members
+from repaint_cli.foreign.archives import LARGEST, read_members
 from repaint_cli.foreign.pickles import Record, Refused, array_of, number_of, read, shaped
+from repaint_cli.reading import read_bytes
 
 LARGEST = 16 * 2**20
 """Bytes that a file of statistics may have."""
@@ -51,7 +52,7 @@ def read_statistics(path: Path) -> Statistics | None:
     Raises:
         CheckpointError: the file is absent or damaged, or holds something else.
     """
-    data = read_bytes(path)
+    data = read_bytes(path, CheckpointError, LARGEST)
     if len(data) > LARGEST:
         raise CheckpointError(
             f"{path}: expected statistics of at most {LARGEST} bytes, found {len(data)}"
