@@ -3,8 +3,9 @@ PYTHON ?= python3.11
 BIN := .venv/bin
 LIGHT := .venv-light/bin
 STAMP := .venv/.installed
+AUDITOR := .venv-audit/bin/pip-audit
 
-.PHONY: demo test test-slow test-light check bench
+.PHONY: demo test test-slow test-light check bench audit
 
 $(STAMP): pyproject.toml constraints.txt
 	$(PYTHON) -m venv .venv
@@ -39,3 +40,9 @@ BENCHMARKS := training_mujoco training_racer startup scaling simulators pieces
 bench: $(STAMP)
 	$(BIN)/python -m pip install --quiet -c constraints.txt -e '.[bench]'
 	for name in $(BENCHMARKS); do $(BIN)/python benchmarks/$$name.py || exit 1; done
+
+# Is all pinned that is installed, and is a known vulnerability among it? Offline it says so.
+audit: $(STAMP)
+	test -x $(AUDITOR) || { $(PYTHON) -m venv .venv-audit && \
+		.venv-audit/bin/python -m pip install --quiet -c constraints.txt pip-audit; } || true
+	$(BIN)/python tools/audit.py $(AUDITOR)

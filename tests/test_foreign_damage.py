@@ -133,8 +133,8 @@ def test_a_part_that_would_fill_the_memory_is_not_unpacked(tmp_path, monkeypatch
         CheckpointError, match=r"'policy.pth' of at most 1000000 bytes.* 10000000 by"
     ):
         sb3.read(path)
-    monkeypatch.setattr(archives, "LARGEST", 10**3)
-    with pytest.raises(CheckpointError, match="expected at most 1000 bytes, found"):
+    monkeypatch.setattr(sb3, "LARGEST", 10**3)
+    with pytest.raises(CheckpointError, match="expected at most 1,000 bytes, found"):
         sb3.read(path)
 
 

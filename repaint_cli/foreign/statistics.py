@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from repaint_cli.errors import CardError, CheckpointError
-from repaint_cli.foreign.archives import LARGEST, read_members
+from repaint_cli.foreign.archives import read_members
 from repaint_cli.foreign.pickles import Record, Refused, array_of, number_of, read, shaped
 from repaint_cli.reading import read_bytes
 
@@ -53,10 +53,6 @@ def read_statistics(path: Path) -> Statistics | None:
         CheckpointError: the file is absent or damaged, or holds something else.
     """
     data = read_bytes(path, CheckpointError, LARGEST)
-    if len(data) > LARGEST:
-        raise CheckpointError(
-            f"{path}: expected statistics of at most {LARGEST} bytes, found {len(data)}"
-        )
     if path.suffix == ".npz":
         return _from_arrays(data, path)
     try:
