@@ -25,6 +25,8 @@ os.umask(UMASK)
 GLIMPSE = 2**16
 """Bytes in which a teacher's header has room, many times over."""
 
+_JSON = json.JSONDecoder()
+
 HASH = "sha256"
 """Where in our JSON the hash of all that a file holds stands."""
 
@@ -170,10 +172,10 @@ def glimpse(path: Path) -> dict[str, Any]:
         CheckpointError: there is no regular file, or no such header in its first 64 KiB.
     """
     try:
-        with open(path, "rb", buffering=0, opener=_regular) as file:
-            start = file.read(GLIMPSE)
-        size = int.from_bytes(start[:8], "little")
-        header = json.loads(json.loads(start[8 : 8 + size])["__metadata__"][KEY])
+        start = _start_of(path)
+        text = start[8 : 8 + int.from_bytes(start[:8], "little")].decode()
+        ours = text.index(f'"{KEY}":') + len(f'"{KEY}":')  # before the tensors, which may wait
+        header = json.loads(_JSON.raw_decode(text, ours)[0])
     except (OSError, ValueError, LookupError, TypeError, RecursionError) as error:
         raise CheckpointError(f"{path} has no header of ours: {error!r}") from error
     if not isinstance(header, dict):
@@ -181,13 +183,15 @@ def glimpse(path: Path) -> dict[str, Any]:
     return header
 
 
-def _regular(path: str, flags: int) -> int:
-    """Open a regular file; a pipe or a device would keep us waiting."""
-    handle = os.open(path, flags | os.O_NONBLOCK)
-    if not stat.S_ISREG(os.fstat(handle).st_mode):
+def _start_of(path: Path) -> bytes:
+    """Return a regular file's first bytes; a pipe or a device would keep us waiting."""
+    handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK)
+    try:
+        if not stat.S_ISREG(os.fstat(handle).st_mode):
+            raise OSError(f"{path} is no regular file")
+        return os.read(handle, GLIMPSE)
+    finally:
         os.close(handle)
-        raise OSError(f"{path} is no regular file")
-    return handle
 
 
 def read_hash(path: Path) -> str | None:
