@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 from moody import card
-from test_resume import record_of
+from test_runs import record_of
 from tiny_runs import QUICK, add_teacher
 
 from repaint_cli import runs

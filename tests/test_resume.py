@@ -2,13 +2,11 @@
 
 import csv
 import json
-import os
 import signal
-import subprocess
-import sys
 
 import mortal
 import pytest
+from test_runs import SCRATCH, record_of, stopped_by
 from tiny_runs import QUICK, add_teacher, files_below
 
 from repaint_cli import checkpoint, runs
@@ -20,7 +18,6 @@ from repaint_cli.plans import plan_of
 from repaint_cli.report.pictures import draw_run
 
 CLOCK = {"seconds", "steps_per_second", "tstamp", "wall_clock"}
-SCRATCH = ["transfer", "--method", "scratch", "--task", "reacher", "--run", "run", *QUICK]
 
 
 def told(folder):
@@ -39,10 +36,6 @@ def told(folder):
         "logs": [path.read_text() for path in logs],
         "files": {str(path.relative_to(folder)) for path in folder.rglob("*")},
     }  # fmt: skip
-
-
-def record_of(folder):
-    return json.loads((folder / "run.json").read_text(encoding="utf-8"))
 
 
 def table(path):
@@ -260,17 +253,8 @@ def test_events_of_what_was_never_finished_are_void(repaint, home):
 
 
 def test_a_scheduler_s_sigterm_ends_with_143_and_the_run_goes_on(repaint, home):
-    words = [*map(str, SCRATCH), "--iterations", "400"]
-    with subprocess.Popen(
-        [sys.executable, "-m", "repaint_cli", *words], text=True,
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=os.environ | {"OMP_NUM_THREADS": "1"},
-    ) as process:  # fmt: skip
-        for line in process.stdout:
-            if line.startswith("iteration 3/"):
-                process.send_signal(signal.SIGTERM)
-                break
-        out, err = process.communicate(timeout=60)
-    assert (process.returncode, err) == (143, "")
+    code, out, err = stopped_by(signal.SIGTERM, 400)
+    assert (code, err) == (143, "")
     done = record_of(home / "run")["iterations"]
     assert out.endswith(
         f"interrupted after iteration {done}\nnext: repaint transfer --resume run\n"

@@ -238,18 +238,24 @@ def test_ctrl_c_before_the_first_iteration_ends_says_so(repaint, home, monkeypat
     assert record_of(home / "run")["iterations"] == 0
 
 
-def test_a_real_ctrl_c_ends_a_real_process(home):
-    words = [*map(str, SCRATCH), "--iterations", "100000"]
+def stopped_by(number, iterations):
+    """Send a signal to a process after its third iteration; return how it ended."""
+    words = [*map(str, SCRATCH), "--iterations", str(iterations)]
     with subprocess.Popen(
         [sys.executable, "-m", "repaint_cli", *words], text=True,
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=os.environ | {"OMP_NUM_THREADS": "1"},
     ) as process:  # fmt: skip
         for line in process.stdout:
             if line.startswith("iteration 3/"):
-                process.send_signal(signal.SIGINT)
+                process.send_signal(number)
                 break
         out, err = process.communicate(timeout=60)
-    assert (process.returncode, err) == (130, "")
+    return process.returncode, out, err
+
+
+def test_a_real_ctrl_c_ends_a_real_process(home):
+    code, out, err = stopped_by(signal.SIGINT, 100_000)
+    assert (code, err) == (130, "")
     assert "wrote run/: run.json, metrics.csv, checkpoint.safetensors, best.safetensors" in out
     assert load(home / "run" / "checkpoint.safetensors")[1]["iteration"] >= 3
     assert same_policies(home / "run")
