@@ -71,7 +71,7 @@ def _training(card: TeacherCard) -> str:
 
 def _table(values: Mapping[str, Any]) -> str:
     rows: Iterable[str] = (f"| {name} | {_cell(value)} |" for name, value in values.items())
-    return "\n".join(["| | |", "|---|---|", *rows])
+    return "\n".join(["| | value |", "|---|---|", *rows])
 
 
 def _cell(value: Any) -> str:

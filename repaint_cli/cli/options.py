@@ -42,7 +42,9 @@ Resume = Annotated[
     Path | None,
     typer.Option(metavar="RUN", help="Go on with a run that stopped, or for more --iterations."),
 ]
-Keep = Annotated[int, typer.Option(help="Checkpoints to keep, the newest ones.", min=1)]
+Keep = Annotated[
+    int, typer.Option(metavar="<int>", help="Checkpoints to keep, the newest ones.", min=1)
+]
 RunFolder = Annotated[
     Path | None, typer.Option("--run", help="The run's folder; default: runs/TASK/METHOD-…")
 ]

@@ -30,10 +30,11 @@ class Screen:
             TextColumn("left"),
             console=out,
         )
-        total = plan.task.ppo.n_iterations
-        self._bar = self._progress.add_task(f"{plan.method} · {plan.task.name}", total=total)
+        total, done = plan.task.ppo.n_iterations, experiment.learner.iteration
+        what = f"{plan.method} · {literal(plan.task.name)}"
+        self._bar = self._progress.add_task(what, total=total, completed=done)
         self._total = total
-        self._numbers = Text("  first iteration …", style="dim")
+        self._numbers = Text(f"  iteration {done + 1} …", style="dim")
         self._live = Live(get_renderable=self._render, console=out, refresh_per_second=4)
 
     def _render(self) -> Group:

@@ -1,6 +1,7 @@
 """`repaint zoo list | show | verify | export | remove`; `add` has a file of its own."""
 
 import json
+import shlex
 from pathlib import Path
 from typing import Annotated
 
@@ -111,7 +112,8 @@ def export(
     from repaint_cli.export import export
     from repaint_cli.zoo import find
 
-    say_written(export(find(name), folder, onnx=onnx), f"repaint zoo verify {folder}/{name}")
+    written = export(find(name), folder, onnx=onnx)
+    say_written(written, f"repaint zoo verify {shlex.quote(str(written[0]))}")
 
 
 @zoo.command()
