@@ -161,7 +161,7 @@ def reference_beside(folder: Path, task: TaskCard, algorithm: str) -> np.ndarray
     passed over.
     """
     found = list[tuple[float, Run]]()
-    for path in folder.parent.glob("*/run.json"):
+    for path in folder.resolve().parent.glob("*/run.json"):
         try:
             run = read_run(path.parent)
         except RepaintError:

@@ -9,6 +9,7 @@ import torch
 from repaint_cli.checkpoint import load, save
 from repaint_cli.errors import CheckpointError
 from repaint_cli.evaluate import Episodes
+from repaint_cli.files import written_to
 
 FOLDER = "evaluations"
 
@@ -33,17 +34,22 @@ def keep(run: Path, k: int, played: Episodes) -> None:
     save(_file(run, k), tensors, {"iteration": k, "env_seeds": first.env_seeds})
 
 
-def kept(run: Path) -> list[int]:
-    """Return the iterations whose evaluations are kept, in order."""
+def kept(run: Path) -> dict[int, Path]:
+    """Return the files of the evaluations that are kept, by iteration, in order."""
     files = (run / FOLDER).glob("[0-9]*.safetensors")
-    return sorted(int(path.stem) for path in files if path.stem.isdecimal())
+    return dict(sorted((int(path.stem), path) for path in files if path.stem.isdecimal()))
 
 
 def forget_after(run: Path, k: int) -> None:
-    """Remove the evaluations after iteration k."""
-    for later in kept(run):
+    """Remove the evaluations after iteration k.
+
+    Raises:
+        StoreError: they cannot be removed.
+    """
+    for later, path in kept(run).items():
         if later > k:
-            _file(run, later).unlink()
+            with written_to(path):
+                path.unlink()
 
 
 def read(run: Path, k: int) -> Episodes:

@@ -22,6 +22,9 @@ UMASK = os.umask(0)
 """What the user wants others not to do with new files."""
 os.umask(UMASK)
 
+UNFINISHED = ".repaint-"
+"""What names of files and folders begin with that nobody has finished yet."""
+
 GLIMPSE = 2**16
 """Bytes in which a teacher's header has room, many times over."""
 
@@ -46,9 +49,7 @@ def written_whole(path: Path, *, new: bool = False) -> Iterator[Path]:
     temporary = path
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(
-            dir=path.parent, prefix=f".{path.stem}-", suffix=path.suffix
-        )
+        handle, name = tempfile.mkstemp(dir=path.parent, prefix=UNFINISHED, suffix=path.suffix)
         os.close(handle)
         temporary = Path(name)
         yield temporary
@@ -110,17 +111,35 @@ def alone_in(folder: Path) -> Iterator[None]:
 
 
 def _held(folder: Path) -> int | None:
+    """Return what holds a folder; None where the system or its file system knows no such lock."""
     try:
         import fcntl
     except ImportError:  # not on Windows
         return None
-    handle = os.open(folder, os.O_RDONLY)
+    with written_to(folder):
+        handle = os.open(folder, os.O_RDONLY)
     try:
         fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError as error:
+    except BlockingIOError as error:
         os.close(handle)
         raise StoreError(f"{folder} is being written by another process; wait for it") from error
+    except OSError:
+        os.close(handle)
+        return None
     return handle
+
+
+@contextmanager
+def written_to(path: Path) -> Iterator[None]:
+    """Say which file or folder cannot be changed.
+
+    Raises:
+        StoreError: it cannot.
+    """
+    try:
+        yield
+    except OSError as error:
+        raise StoreError(f"cannot write {path}: {error.strerror or error}") from error
 
 
 def write_text(path: Path, text: str) -> None:
@@ -214,13 +233,14 @@ def opened(path: Path, framework: str) -> Iterator[Any]:
     if not os.path.exists(path):  # which takes any name
         raise CheckpointError(f"expected a safetensors file at {path}, found none")
     check_file(path, CheckpointError)
-    with path.open("rb") as start:  # whose parser takes several times its length in memory
-        if int.from_bytes(start.read(8), "little") > LARGEST:
+    try:
+        with path.open("rb") as start:  # whose parser takes several times its length in memory
+            length = int.from_bytes(start.read(8), "little")
+        if length > LARGEST:
             raise CheckpointError(
                 f"{path} is not a whole safetensors file (a header of more than {LARGEST:,} "
                 "bytes); copy or train it again"
             )
-    try:
         with safe_open(path, framework=framework) as file:
             yield file
     except (SafetensorError, OSError) as error:

@@ -11,7 +11,7 @@ import numpy as np
 
 from repaint_cli.errors import CheckpointError
 from repaint_cli.evaluate import Episodes
-from repaint_cli.files import write_text
+from repaint_cli.files import write_text, written_to
 from repaint_cli.learn.trainer import IterationStats
 
 COLUMNS = (
@@ -76,6 +76,7 @@ def cut_csv(path: Path, k: int, n_seeds: int) -> None:
 
     Raises:
         CheckpointError: it does not say all of those before.
+        StoreError: it cannot be changed.
     """
     try:
         lines = path.read_bytes().splitlines(keepends=True)
@@ -92,7 +93,8 @@ def cut_csv(path: Path, k: int, n_seeds: int) -> None:
             f"{path} is damaged: expected its line {wanted} to be of iteration {k}, as the "
             f"checkpoint beside it is, found {last}"
         )
-    os.truncate(path, sum(len(line) for line in lines[:wanted]))  # which needs no room on a disk
+    with written_to(path):  # which needs no room on a disk
+        os.truncate(path, sum(len(line) for line in lines[:wanted]))
 
 
 def _cell(value: Any) -> Any:

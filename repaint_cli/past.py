@@ -3,8 +3,7 @@
 import os
 import shutil
 import tempfile
-from collections.abc import Mapping
-from contextlib import suppress
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -14,10 +13,20 @@ import numpy as np
 from repaint_cli import evaluations
 from repaint_cli.alarms import IN_A_ROW, Alarm
 from repaint_cli.errors import CheckpointError, StoreError
-from repaint_cli.files import UMASK, as_json, write_text
+from repaint_cli.files import (
+    UMASK,
+    UNFINISHED,
+    as_json,
+    sha256,
+    write_text,
+    written_to,
+    written_whole,
+)
 from repaint_cli.learn.learner import Learner
 from repaint_cli.metrics import cut_csv, start_csv
 from repaint_cli.plans import Plan, difference
+from repaint_cli.simtrace import START
+from repaint_cli.simulators import RacerEnv
 from repaint_cli.snapshot import load_learner, save_learner
 from repaint_cli.teaching import Staff
 
@@ -28,6 +37,10 @@ EARLIER = "checkpoint-*.safetensors"
 """Those before it, by iteration."""
 
 
+MOST_ALARMS = 1000
+"""Alarms that are recorded: what has to be said so often need not be said more often."""
+
+
 @dataclass
 class Past:
     """What the run remembers beside its learner."""
@@ -36,6 +49,8 @@ class Past:
     """How long it has taken."""
     best_return: float = float("-inf")
     """Of the best evaluated policy so far."""
+    best: tuple[int, int] = (0, 0)
+    """After which iteration it was, and which of the seeds, from 0."""
     alarms: list[Alarm] = field(default_factory=list)
     """What looked wrong."""
     returns: list[np.ndarray] = field(default_factory=list)
@@ -44,32 +59,50 @@ class Past:
     """How far each seed's log of its drives is."""
     notices: list[str] = field(default_factory=list)
     """What was wrong with how it was found."""
+    source: Path | None = None
+    """The checkpoint it was found in."""
 
-    def see(self, returns: np.ndarray, seconds: float, logs: list[Mapping[str, float]]) -> None:
-        """Take in an iteration."""
+    def see(self, k: int, returns: np.ndarray, alarms: Sequence[Alarm]) -> None:
+        """Take in iteration k: how its evaluation went (S, E), and what looked wrong."""
         self.returns = [*self.returns, returns][1 - IN_A_ROW :]
-        self.seconds, self.logs = seconds, logs
+        self.alarms = [*self.alarms, *alarms][:MOST_ALARMS]
+        means = returns.mean(1)
+        s = int(means.argmax())
+        if means[s] > self.best_return:
+            self.best_return, self.best = float(means[s]), (k, s)
 
     def record(self) -> dict[str, Any]:
         """Return it as JSON."""
         return {
             "seconds": self.seconds,
             "best_return": self.best_return,
+            "best": self.best,
             "alarms": [alarm.record() for alarm in self.alarms],
             "returns": [returns.tolist() for returns in self.returns],
             "logs": self.logs,
         }
 
     @classmethod
-    def of(cls, record: Mapping[str, Any]) -> "Past":
-        """Return what `record` told."""
-        return cls(
-            seconds=record["seconds"],
-            best_return=record["best_return"],
-            alarms=[Alarm(**alarm) for alarm in record["alarms"]],
-            returns=[np.array(returns) for returns in record["returns"]],
-            logs=record["logs"],
-        )
+    def of(cls, notes: Mapping[str, Any], source: Path) -> "Past":
+        """Return what `record` told.
+
+        Raises:
+            CheckpointError: it did not.
+        """
+        try:
+            record = notes["past"]
+            k, s = map(int, record["best"])
+            return cls(
+                seconds=float(record["seconds"]),
+                best_return=float(record["best_return"]),
+                best=(k, s),
+                alarms=[Alarm(**alarm) for alarm in record["alarms"]],
+                returns=[np.array(returns, np.float64) for returns in record["returns"]],
+                logs=[{name: float(log[name]) for name in START} for log in record["logs"]],
+                source=source,
+            )
+        except (KeyError, TypeError, ValueError, AttributeError) as error:
+            raise CheckpointError(f"{source} tells nothing of its past: {error!s:.200}") from error
 
 
 def claim(folder: Path, record: Mapping[str, Any]) -> None:
@@ -82,7 +115,7 @@ def claim(folder: Path, record: Mapping[str, Any]) -> None:
         raise StoreError(f"{folder} exists already; name another with --run, or --resume it")
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
-        beginning = Path(tempfile.mkdtemp(dir=folder.parent, prefix=f".{folder.name}-"))
+        beginning = Path(tempfile.mkdtemp(dir=folder.parent, prefix=UNFINISHED))
     except FileExistsError as error:
         raise StoreError(f"cannot make {folder}: {folder.parent} is no folder") from error
     except OSError as error:
@@ -106,19 +139,30 @@ def save_checkpoint(plan: Plan, staff: Staff, learner: Learner, past: Past) -> N
     """
     path = plan.folder / CHECKPOINT
     if plan.keep > 1 and path.is_file():
-        earlier = plan.folder / EARLIER.replace("*", f"{learner.iteration - 1:05}")
-        earlier.unlink(missing_ok=True)
-        _give_second_name(path, earlier)
+        _copy(path, plan.folder / EARLIER.replace("*", f"{learner.iteration - 1:05}"))
     save_learner(path, learner, {"run": _identity(plan, staff), "past": past.record()})
-    for old in sorted(plan.folder.glob(EARLIER), reverse=True)[plan.keep - 1 :]:
-        old.unlink()
+    for old in _earlier(plan.folder)[plan.keep - 1 :]:
+        _remove(old)
 
 
-def _give_second_name(path: Path, other: Path) -> None:
-    try:
-        os.link(path, other)
-    except OSError:  # a file system without links
-        shutil.copyfile(path, other)
+def _copy(path: Path, other: Path) -> None:
+    """Put a file in the place of another, too; it takes no room where there are links."""
+    with written_whole(other) as temporary:
+        temporary.unlink()
+        try:
+            os.link(path, temporary)
+        except OSError:
+            shutil.copyfile(path, temporary)
+
+
+def _earlier(folder: Path) -> list[Path]:
+    """Return the checkpoints before the last, the newest first."""
+    return sorted(folder.glob(EARLIER), reverse=True)
+
+
+def _remove(path: Path) -> None:
+    with written_to(path):
+        path.unlink(missing_ok=True)
 
 
 def find_past(plan: Plan, staff: Staff, learner: Learner) -> Past:
@@ -131,18 +175,18 @@ def find_past(plan: Plan, staff: Staff, learner: Learner) -> Past:
         CheckpointError: all are damaged, or they are of another run, version or teacher.
     """
     path = plan.folder / CHECKPOINT
-    earlier = sorted(plan.folder.glob(EARLIER), reverse=True)
+    earlier = _earlier(plan.folder)
     if not path.is_file() and not earlier:
         return Past()
     problems = []
     for each in (path, *earlier):
         try:
             notes = load_learner(each, learner)
+            past = Past.of(notes, each)
         except CheckpointError as error:
             problems.append(error)
             continue
         _check_identity(each, notes, plan, staff)
-        past = Past.of(notes["past"])
         past.notices = [f"{problem}; going on from {each.name}" for problem in problems]
         return past
     raise problems[0]
@@ -153,7 +197,10 @@ def _identity(plan: Plan, staff: Staff) -> dict[str, Any]:
     record = plan.record()
     same = {name: record[name] for name in ("algorithm", "method", "seeds", "task", "transfer")}
     same["task"] = {**same["task"], "ppo": {**same["task"]["ppo"], "n_iterations": None}}
-    return same | {"teachers": {str(t["name"]): t["sha256"] for t in staff.record}}
+    teachers = {str(teacher["name"]): teacher["sha256"] for teacher in staff.record}
+    track = plan.task.env.track if isinstance(plan.task.env, RacerEnv) else ""
+    own = sha256(Path(track)) if track.endswith(".npy") else None
+    return same | {"teachers": teachers, "track": own}
 
 
 def _check_identity(path: Path, notes: Mapping[str, Any], plan: Plan, staff: Staff) -> None:
@@ -165,15 +212,20 @@ def _check_identity(path: Path, notes: Mapping[str, Any], plan: Plan, staff: Sta
         )
 
 
-def forget_after(folder: Path, k: int, n_seeds: int) -> None:
-    """Remove what a run's folder tells of iterations after k, and files that were never finished.
+def settle(folder: Path, past: Past, k: int, n_seeds: int) -> None:
+    """Remove what a run's folder tells of iterations after k, and what was never finished.
 
     Raises:
         CheckpointError: it does not tell of all those before.
         StoreError: it cannot be written.
     """
+    newest = folder / CHECKPOINT
+    if past.source and past.source != newest:  # which is damaged
+        _copy(past.source, newest)
+    for path in _earlier(folder):
+        if path.name >= EARLIER.replace("*", f"{k:05}"):
+            _remove(path)
     cut_csv(folder / "metrics.csv", k, n_seeds)
     evaluations.forget_after(folder, k)
-    for unfinished in [*folder.glob(".*-*"), *(folder / evaluations.FOLDER).glob(".*-*")]:
-        with suppress(OSError):
-            unfinished.unlink()
+    for unfinished in folder.rglob(f"{UNFINISHED}*"):
+        _remove(unfinished)

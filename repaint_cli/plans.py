@@ -6,8 +6,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from pydantic import BaseModel, PositiveInt, ValidationError
+
 from repaint_cli import zoo
-from repaint_cli.config import TransferConfig
+from repaint_cli.config import TransferConfig, first_problem
 from repaint_cli.errors import CheckpointError, NotFound, TeacherMismatch
 from repaint_cli.files import sha256
 from repaint_cli.methods import METHODS
@@ -64,8 +66,7 @@ class Plan:
 
     def for_iterations(self, n: int) -> "Plan":
         """Return it with another number of iterations; nothing else depends on that."""
-        ppo = self.task.ppo.model_copy(update={"n_iterations": n})
-        return replace(self, task=self.task.model_copy(update={"ppo": ppo}))
+        return replace(self, task=self.task.with_settings([f"ppo.n_iterations={n}"]))
 
 
 def plan_of(record: Mapping[str, Any], task: TaskCard, folder: Path) -> Plan:
@@ -81,26 +82,49 @@ def plan_of(record: Mapping[str, Any], task: TaskCard, folder: Path) -> Plan:
         NotFound: a teacher is gone.
         TeacherMismatch: a teacher's file is another one now.
     """
-    known = {"algorithm", "method", "seeds", "teachers", "teacher_name", "replace", "keep"}
-    if missing := sorted(known - record.keys()):
+    try:
+        begun = _Begun.model_validate(record)
+    except ValidationError as error:
         raise CheckpointError(
-            f"{folder}/run.json says nothing of {', '.join(missing)}: it is of an earlier version "
-            "or damaged, and cannot be resumed"
-        )
-    found = [(_file_of(teacher), teacher["instances"]) for teacher in record["teachers"]]
+            f"{folder}/run.json is of an earlier version or damaged, and cannot be resumed: "
+            f"{first_problem(error)}"
+        ) from error
+    found = [(_file_of(teacher), teacher.instances) for teacher in begun.teachers]
     return Plan(
-        task, record["method"], record["seeds"], folder,
+        task, begun.method, begun.seeds, folder,
         teachers=tuple(path for path, _ in found),
         acting=tuple(path for path, acts in found if acts),
-        algorithm=record["algorithm"], teacher_name=record["teacher_name"],
-        replace=record["replace"], keep=record["keep"],
+        algorithm=begun.algorithm, teacher_name=begun.teacher_name,
+        replace=begun.replace, keep=begun.keep,
     )  # fmt: skip
 
 
-def _file_of(teacher: Mapping[str, Any]) -> Path:
+class _Named(BaseModel):
+    """A teacher in run.json."""
+
+    name: str
+    sha256: str
+    instances: bool
+    file: str
+
+
+class _Begun(BaseModel):
+    """What of run.json a resumed run needs."""
+
+    method: str
+    algorithm: str
+    seeds: list[int]
+    teachers: list[_Named]
+    teacher_name: str | None
+    replace: bool
+    keep: PositiveInt
+
+
+def _file_of(teacher: _Named) -> Path:
     """Return a teacher's file: where it was, or in the zoo; its contents must be the same."""
-    name, wanted = teacher["name"], teacher["sha256"]
-    places = [Path(teacher["file"]), *([zoo.teachers()[name]] if name in zoo.teachers() else [])]
+    name, wanted = teacher.name, teacher.sha256
+    known = zoo.teachers()
+    places = [Path(teacher.file), *([known[name]] if name in known else [])]
     hashes = {path: sha256(path) for path in places if path.is_file()}
     if not hashes:
         raise NotFound(

@@ -7,11 +7,14 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
+import torch
+
 from repaint_cli import evaluations, trust, zoo
 from repaint_cli.alarms import Alarm, alarms_of, reference_beside
-from repaint_cli.errors import RepaintError, telling_where
+from repaint_cli.errors import CheckpointError, RepaintError, telling_where
 from repaint_cli.evaluate import evaluate, has_paths, spaces_of
 from repaint_cli.files import alone_in, as_json, write_text
+from repaint_cli.history import read_run
 from repaint_cli.learn import q_learning, trainer
 from repaint_cli.learn.learner import Learner
 from repaint_cli.learn.seeding import Purpose
@@ -19,14 +22,14 @@ from repaint_cli.measuring import check_episodes, inform, measure
 from repaint_cli.methods import METHODS
 from repaint_cli.metrics import Report, append_csv
 from repaint_cli.nets import ActorCritic
-from repaint_cli.past import CHECKPOINT, Past, claim, find_past, forget_after, save_checkpoint
+from repaint_cli.past import CHECKPOINT, Past, claim, find_past, save_checkpoint, settle
 from repaint_cli.plans import Plan
-from repaint_cli.provenance import changed_versions, versions
+from repaint_cli.provenance import Origin, versions
 from repaint_cli.report.statistics import mean_ci
 from repaint_cli.simtrace import START, Simtrace, log_folders
 from repaint_cli.simulators import RacerEnv
 from repaint_cli.tasks import TaskCard
-from repaint_cli.teacher_card import Score, TeacherCard
+from repaint_cli.teacher_card import Score, TeacherCard, read_card
 from repaint_cli.teaching import load_staff, warm_start
 from repaint_cli.traces import driven, played
 
@@ -77,9 +80,15 @@ class Experiment:
         self.notices: list[str] = []
         """What whoever resumed should know."""
         self._logs: list[Simtrace] = []
+        self.newest_alarms: list[Alarm] = []
+        """What looked wrong in the last iteration."""
+        self._origin = Origin.now()
         if resume:
+            self._origin = Origin.of(read_run(plan.folder).record)
+            torch.set_num_threads(self._origin.threads)  # sums in another order are other sums
             self.past = find_past(plan, self.staff, self.learner)
-            self.notices = [*self.past.notices, *changed_versions(plan.folder)]
+            changed = self._origin.go_on(self.learner.iteration)
+            self.notices = [*self.past.notices, *changed]
         else:
             claim(plan.folder, self._record_of("running"))
             trust.remember(task)
@@ -88,11 +97,6 @@ class Experiment:
     def alarms(self) -> list[Alarm]:
         """What looked wrong, iteration by iteration."""
         return self.past.alarms
-
-    @property
-    def newest_alarms(self) -> list[Alarm]:
-        """What looked wrong in the last iteration."""
-        return [alarm for alarm in self.alarms if alarm.iteration == self.learner.iteration]
 
     def run(self) -> Iterator[Report]:
         """Train, evaluate, record and checkpoint, one iteration at a time.
@@ -106,10 +110,12 @@ class Experiment:
             yield from self._run()
 
     def _run(self) -> Iterator[Report]:
-        learner, task, folder = self.learner, self.plan.target, self.plan.folder
+        learner, task = self.learner, self.plan.target
         started, state = perf_counter() - self.past.seconds, "interrupted"
-        self._open_logs()
-        forget_after(folder, learner.iteration, len(learner.seeds))
+        if isinstance(task.env, RacerEnv):
+            places = log_folders(self.plan.folder, self.plan.seeds)
+            self._logs = [Simtrace(path, self.plan.task, resumed=True) for path in places]
+        self._settle()
         self._write_record("running")
         try:
             if task.automatic and self.staff.teachers and not learner.measured:
@@ -117,9 +123,9 @@ class Experiment:
             for stats in ALGORITHMS[self.plan.algorithm](task, learner, self.staff.teachers):
                 k = stats.iteration
                 with telling_where(learner.seeds, f"evaluation after iteration {k}"):
-                    played = evaluate(learner.student, task, learner.seeds, task.eval.episodes, k)
-                inform(task, learner, stats, played)
-                report = Report(stats, played, perf_counter() - started)
+                    episodes = evaluate(learner.student, task, learner.seeds, task.eval.episodes, k)
+                inform(task, learner, stats, episodes)
+                report = Report(stats, episodes, perf_counter() - started)
                 self._record(report)
                 yield report
             state = "finished"
@@ -130,7 +136,7 @@ class Experiment:
             self._write_record(state)
 
     def _record(self, report: Report) -> None:
-        """Put an iteration on disk; it counts once its checkpoint is there, the last of all."""
+        """Put an iteration on disk; it counts once its checkpoint is there."""
         folder, past, k = self.plan.folder, self.past, report.stats.iteration
         for s, log in enumerate(self._logs):
             self._log_drives(log, report, s)
@@ -140,14 +146,28 @@ class Experiment:
             row | {"seed": seed} for row, seed in zip(report.rows, self.plan.seeds, strict=True)
         ]
         append_csv(folder / "metrics.csv", rows)
-        past.alarms += alarms_of(report, past.returns, self.reference, self.plan.target.select.rule)
-        means = report.evaluation.returns.mean(1)
-        s = int(means.argmax())
-        if means[s] > past.best_return:
-            zoo.add(self.learner.student, s, self._card(BEST, s), folder)
-            past.best_return = float(means[s])
-        past.see(report.evaluation.returns, report.seconds, [log.position for log in self._logs])
+        rule = self.plan.target.select.rule
+        self.newest_alarms = alarms_of(report, past.returns, self.reference, rule)
+        past.see(k, report.evaluation.returns, self.newest_alarms)
+        past.seconds, past.logs = report.seconds, [log.position for log in self._logs]
         save_checkpoint(self.plan, self.staff, self.learner, past)
+        self._keep_best()
+
+    def _keep_best(self) -> None:
+        """Write the best evaluated policy if it is the last one, and not there yet."""
+        path, (k, s) = self.plan.folder / f"{BEST}.safetensors", self.past.best
+        if 0 < k == self.learner.iteration and not _is_of(path, k):
+            zoo.add(self.learner.student, s, self._card(BEST, s), self.plan.folder)
+
+    def _settle(self) -> None:
+        """Make the folder tell of the finished iterations, all of them and no more."""
+        k = self.learner.iteration
+        settle(self.plan.folder, self.past, k, len(self.plan.seeds))
+        for log, position in zip(
+            self._logs, self.past.logs or [START] * len(self._logs), strict=True
+        ):
+            log.go_back(k, position)
+        self._keep_best()
 
     def _forget_half_done(self) -> None:
         """Go back to the last iteration that is on disk as a whole."""
@@ -158,15 +178,7 @@ class Experiment:
         else:
             self.learner.iteration = 0  # what it has learned is nowhere
         with suppress(RepaintError):  # a full disk, say; whoever resumes does it again
-            forget_after(self.plan.folder, self.learner.iteration, len(self.plan.seeds))
-
-    def _open_logs(self) -> None:
-        if not isinstance(self.plan.task.env, RacerEnv):
-            return
-        places = log_folders(self.plan.folder, self.plan.seeds)
-        self._logs = [Simtrace(path, self.plan.task, resumed=True) for path in places]
-        for log, position in zip(self._logs, self.past.logs or [START] * len(places), strict=True):
-            log.go_back(self.learner.iteration, position)
+            self._settle()
 
     def _log_drives(self, log: Simtrace, report: Report, s: int) -> None:
         """Log how a seed's car drove, in training and evaluation."""
@@ -184,7 +196,7 @@ class Experiment:
             **self.plan.record(),
             "teachers": self.staff.record,
             "automatic": self.plan.target.automatic and bool(self.staff.teachers),
-            "versions": versions(),
+            **self._origin.record(),
             "iterations": self.learner.iteration,
             "seconds": round(self.past.seconds, 1),
             "alarms": [alarm.record() for alarm in self.alarms],
@@ -239,3 +251,10 @@ def score(network: ActorCritic, task: TaskCard, seed: int) -> Score:
     if played.progress is not None:
         progress, laps = float(played.progress.mean()), int((played.progress >= 100).sum())
     return Score(mean=mean, low=low, high=high, episodes=episodes, progress=progress, laps=laps)
+
+
+def _is_of(path: Path, k: int) -> bool:
+    """Tell whether a policy's file is of iteration k."""
+    with suppress(CheckpointError):
+        return read_card(path).iteration == k
+    return False

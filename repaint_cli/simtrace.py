@@ -22,7 +22,7 @@ import numpy as np
 
 from repaint_cli.deepracer import hyperparameters, model_metadata
 from repaint_cli.errors import CheckpointError, StoreError
-from repaint_cli.files import as_json, write_text
+from repaint_cli.files import as_json, write_text, written_to
 from repaint_cli.reading import read_json, read_rows, read_text
 from repaint_cli.simulators import RacerEnv, load_track
 from repaint_cli.tasks import TaskCard
@@ -99,8 +99,9 @@ class Simtrace:
         self._metrics, self._clock = metrics, position["clock"]
         self._episodes = int(position["episodes"])
         for file in (self.folder / TRAINING).glob("*-iteration.csv"):
-            if int(file.name.partition("-")[0]) >= k:
-                file.unlink()
+            if _ITERATION(file.name) and int(file.name.partition("-")[0]) >= k:
+                with written_to(file):
+                    file.unlink()
         if noted:
             self._write_metrics()
 

@@ -35,6 +35,15 @@ class GymEnv(Settings):
     kwargs: dict[str, bool | int | float | str] = Field(default_factory=dict)
     """Arguments for the environment."""
 
+    @field_validator("kwargs")
+    @classmethod
+    def _of_the_environment(cls, kwargs: dict[str, Any]) -> dict[str, Any]:
+        """Refuse what Gymnasium itself would take: windows, other time limits, wrappers."""
+        for name in ("render_mode", "max_episode_steps", "num_envs", "disable_env_checker"):
+            if name in kwargs:
+                raise ValueError(f"expected arguments of the environment itself, found {name}")
+        return kwargs
+
     @property
     def actions(self) -> None:
         """What to choose from: the environment itself says."""

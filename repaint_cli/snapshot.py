@@ -80,9 +80,9 @@ def _put(
     learner.last_batch = _read_batch(Transitions, batch) if batch else None
     learner.memory = _read_batch(Experience, memory) if memory else None
     learner.measured = Measured.load(measured) if measured else None
-    learner.after_instance = notes["after_instance"]
-    learner.iteration = notes["iteration"]
-    learner.env_steps = np.array(notes["env_steps"])
+    learner.after_instance = bool(notes["after_instance"])
+    learner.iteration = int(notes["iteration"])
+    learner.env_steps = np.array(notes["env_steps"], int).reshape(len(learner.seeds))
 
 
 def load_networks(path: Path, network: ActorCritic) -> None:

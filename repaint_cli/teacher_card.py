@@ -140,7 +140,10 @@ def glance(path: Path) -> Glance:
     Raises:
         CheckpointError: the file is damaged or no teacher.
     """
-    header = glimpse(path)
+    try:
+        header = glimpse(path)
+    except CheckpointError:  # of a long summary, say
+        header = read_header(path)
     try:
         score, steps = header.get("score"), int(header["env_steps"])
         found = (float(score["mean"]), float(score["low"]), float(score["high"])) if score else None

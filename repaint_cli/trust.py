@@ -9,18 +9,22 @@ from contextlib import suppress
 from pathlib import Path
 
 from repaint_cli.errors import CardError, StoreError
-from repaint_cli.files import write_text
+from repaint_cli.files import written_to
 from repaint_cli.paths import user_zoo
 from repaint_cli.simulators import GymEnv
 from repaint_cli.tasks import TaskCard
 
 
 def code_of(task: TaskCard) -> str | None:
-    """Return what of a task is somebody's own code, for people; None where nothing is."""
+    """Return what of a task is somebody's own code or file, for people; None where nothing is."""
     if task.reward_code:
         return f"the reward function {task.reward_code.name}"
     if isinstance(task.env, GymEnv) and ":" in task.env.id:
         return f"the module of {task.env.id}"
+    if isinstance(task.env, GymEnv):
+        for name, value in task.env.kwargs.items():
+            if isinstance(value, str) and ("/" in value or "\\" in value or "." in value):
+                return f"the file {value} ({name})"
     return None
 
 
@@ -30,9 +34,12 @@ def allow(task: TaskCard) -> None:
     Raises:
         StoreError: the list of what may cannot be written.
     """
-    if code_of(task) and not _allowed(task):
-        known = _path().read_text(encoding="utf-8") if _path().is_file() else ""
-        write_text(_path(), f"{known}{_fingerprint(task)}  {code_of(task)}\n")
+    if not code_of(task) or _allowed(task):
+        return
+    with written_to(_path()):
+        _path().parent.mkdir(parents=True, exist_ok=True)
+        with _path().open("a", encoding="utf-8") as file:  # a line at a stroke: others may write
+            file.write(f"{_fingerprint(task)}  {code_of(task)!r}\n")
 
 
 def remember(task: TaskCard) -> None:
@@ -56,8 +63,8 @@ def check(task: TaskCard, where: Path) -> None:
 
 def _allowed(task: TaskCard) -> bool:
     try:
-        lines = _path().read_text(encoding="utf-8").splitlines()
-    except (OSError, UnicodeDecodeError):
+        lines = _path().read_text(encoding="utf-8", errors="replace").splitlines()
+    except OSError:
         return False
     return _fingerprint(task) in {line.partition(" ")[0] for line in lines}
 

@@ -23,6 +23,9 @@ def teachers() -> dict[str, Path]:
     """Return all teachers by name; the user's own come before shipped ones of the same name.
 
     Files that are links out of their folder are none.
+
+    Raises:
+        StoreError: a folder cannot be read.
     """
     found: dict[str, Path] = {}
     for folder in (user_zoo(), shipped("zoo")):
@@ -33,7 +36,11 @@ def teachers() -> dict[str, Path]:
 
 
 def _names(folder: Path) -> Iterator[str]:
-    with os.scandir(folder) as entries:
+    try:
+        found = os.scandir(folder)
+    except OSError as error:
+        raise StoreError(f"cannot read {folder}: {error.strerror}") from error
+    with found as entries:
         for entry in entries:
             name = entry.name.removesuffix(SUFFIX)
             if name == entry.name or not NAME.fullmatch(name):

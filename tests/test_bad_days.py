@@ -179,7 +179,11 @@ def test_code_that_a_run_brings_along_waits_to_be_allowed(repaint, home, monkeyp
         assert said.code == CardError.exit_code
         assert "run would run the module of moody:Moody-v0, with which nothing was" in said.err
         assert said.err.endswith("then: repaint tasks trust run\n")
-    assert repaint("tasks", "trust", "run").out == "trusted: the module of moody:Moody-v0\n"
+    monkeypatch.setattr("typer.confirm", lambda question: False)
+    assert repaint("tasks", "trust", "run").out == "nothing allowed\n"
+    assert repaint("eval", "run").code == CardError.exit_code
+    said = repaint("tasks", "trust", "run", "--yes")
+    assert said.out == "allowed: the module of moody:Moody-v0\n"
     assert repaint("eval", "run", "--episodes", 1).code == 0
     assert repaint("transfer", "--resume", "run", "--iterations", 4).code == 0
     assert len((home / "somebody-else" / "trusted.txt").read_text().splitlines()) == 1

@@ -1,7 +1,8 @@
 """Are all dependencies pinned as installed, and is a known vulnerability among them?
 
 Run by `make audit`. The first question is answered here; the second by pip-audit, which asks the
-package index. Where that cannot be reached, the answer says so and is no failure.
+package index. Where that cannot be reached, offline, the answer says so and is no
+failure.
 """
 
 import json
@@ -62,15 +63,18 @@ def unpinned() -> list[str]:
     ]
 
 
-def vulnerable(tool: str) -> tuple[list[str], int, int]:
-    """Return known vulnerabilities, and of how many of the pinned versions anything is known."""
+def vulnerable(tool: str) -> tuple[list[str], int, str]:
+    """Return known vulnerabilities, of how many pinned versions anything is known, and why so."""
     words = [tool, "-r", str(CONSTRAINTS), "--no-deps", "--disable-pip", "--format", "json",
              "--progress-spinner", "off"]  # fmt: skip
     try:
         done = subprocess.run(words, capture_output=True, text=True, timeout=SECONDS, check=False)
         looked_at = json.loads(done.stdout)["dependencies"]
-    except (OSError, subprocess.TimeoutExpired, ValueError, LookupError):
-        return [], 0, len(pinned())
+    except (OSError, subprocess.TimeoutExpired) as error:
+        return [], 0, f"pip-audit did not run ({type(error).__name__})"
+    except (ValueError, LookupError):
+        said = done.stderr.strip().splitlines() or [f"exit code {done.returncode}"]
+        return [], 0, f"pip-audit got no answer ({said[-1]:.120})"
     known = [one for one in looked_at if "vulns" in one]
     found = [
         f"{one['name']} {one['version']}: {vuln['id']}, mended in "
@@ -78,18 +82,22 @@ def vulnerable(tool: str) -> tuple[list[str], int, int]:
         for one in known
         for vuln in one["vulns"]
     ]
-    return found, len(known), len(looked_at)
+    return (
+        found,
+        len(known),
+        f"{len(looked_at)} versions looked up, {len(known)} known to the index",
+    )
 
 
 def main() -> None:
     """Print what was found; end with 1 where something has to be done."""
     problems = unpinned()
     print("\n".join(problems) or "every dependency is installed as constraints.txt pins it")
-    found, known, total = vulnerable(sys.argv[1])
+    found, known, why = vulnerable(sys.argv[1])
     if known:
-        print("\n".join(found) or f"no known vulnerability in {known} of {total} pinned versions")
+        print("\n".join(found) or f"no known vulnerability: {why}")
     else:
-        print("offline: known vulnerabilities were not looked up")
+        print(f"known vulnerabilities could not be looked up: {why}")
     sys.exit(1 if problems or found else 0)
 
 

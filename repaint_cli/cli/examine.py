@@ -1,6 +1,7 @@
 """What `repaint eval` does: find a policy, let it play, print, draw and film."""
 
 import json
+import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -63,7 +64,7 @@ def subject(what: str | None, task: str | None, root: Path) -> Subject:
                 f"task '{card.name}' has {spaces_of(card)}"
             )
         name = f"{run.task.name} · {run.label} · iteration {run.returns.shape[1]}"
-        following = f"repaint compare {folder.parent}/*"
+        following = f"repaint compare {shlex.quote(str(folder.parent))}/*"
         return Subject(name, network, run.record["seeds"], card or run.task, folder, following)
     path = zoo.find(str(what))
     network, teacher = zoo.load_teacher(path)
@@ -78,7 +79,8 @@ def subject(what: str | None, task: str | None, root: Path) -> Subject:
     target = card or teacher.task
     name = teacher.name if target == teacher.task else f"{teacher.name} on {target.name}"
     folder = root / target.name / f"eval-{teacher.name}-{stamp()}"
-    following = f"repaint similarity {task if teacher.task.reward_code else what}"
+    named = shlex.quote(str(task if teacher.task.reward_code else what))
+    following = f"repaint similarity {named}"
     return Subject(name, network, [teacher.seed], target, folder, following)
 
 

@@ -36,11 +36,14 @@ Set = Annotated[
 ]
 Preset = Annotated[
     str | None,
-    typer.Option(help="Choices with a name; coach: the paper's framework's. Others outrank it."),
+    typer.Option(help="coach: the choices of the paper's framework; other options outrank it."),
 ]
 Resume = Annotated[
     Path | None,
-    typer.Option(metavar="RUN", help="Go on with a run that stopped, or for more --iterations."),
+    typer.Option(
+        metavar="RUN",
+        help="Go on with a run as it began, perhaps for more --iterations.",
+    ),
 ]
 Keep = Annotated[
     int, typer.Option(metavar="<int>", help="Checkpoints to keep, the newest ones.", min=1)
@@ -99,11 +102,12 @@ def check_alone(context: typer.Context, *allowed: str) -> None:
     Raises:
         CardError: another is there.
     """
-    for name in context.params:
-        source = context.get_parameter_source(name)
-        if source is not None and source.name == "COMMANDLINE" and name not in ("resume", *allowed):
+    for option in context.command.params:
+        source = context.get_parameter_source(option.name or "")
+        given = source is not None and source.name == "COMMANDLINE"
+        if given and option.name not in ("resume", *allowed):
             raise CardError(
-                f"a run goes on as it began: leave out --{name.replace('_', '-')} beside --resume"
+                f"a run goes on as it began: leave out {option.opts[0]} beside --resume"
             )
 
 

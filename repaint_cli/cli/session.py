@@ -153,10 +153,24 @@ def carry_out(plan: Plan, tensorboard: bool, *, resume: bool = False) -> None:
     for notice in experiment.notices:
         out.print(f"[yellow]warning:[/yellow] {literal(notice)}")
     interruption = _train(experiment, tensorboard)
+    try:
+        written, following = _finish(experiment, early=interruption is not None)
+    except (KeyboardInterrupt, Terminated):
+        out.print(f"not all is drawn and kept; next: [bold]{literal(resuming(plan))}[/bold]")
+        raise
+    written += [plan.folder / "tensorboard"] if tensorboard else []
+    say_written(written, following)
+    if interruption:
+        raise interruption
+
+
+def _finish(experiment: Experiment, early: bool) -> tuple[list[Path], str]:
+    """Write teachers and draw; return all that is in the folder, and the next command to type."""
+    plan = experiment.plan
     written = [plan.folder / name for name in ("run.json", "metrics.csv", CHECKPOINT)]
     written += [plan.folder / f"{BEST}.safetensors", *experiment.policies()]
     following = f"repaint eval {shlex.quote(str(plan.folder))} --render-offscreen"
-    if plan.teacher_name and not interruption:  # before anything that might fail
+    if plan.teacher_name and not early:  # before anything that might fail
         written.append(experiment.best_teacher(plan.teacher_name, user_zoo(), plan.replace))
         if not plan.task.reward_code:  # which is never run from a teacher's file
             following = f"repaint eval {plan.teacher_name} --render-offscreen"
@@ -165,17 +179,13 @@ def carry_out(plan: Plan, tensorboard: bool, *, resume: bool = False) -> None:
         written.append(plan.folder / evaluations.FOLDER)
     if isinstance(plan.task.env, RacerEnv):
         written += log_folders(plan.folder, plan.seeds)
-    written += [plan.folder / "tensorboard"] if tensorboard else []
-    say_written(written, resuming(plan) if interruption else following)
-    if interruption:
-        raise interruption
+    return written, resuming(plan) if early else following
 
 
 def _train(experiment: Experiment, tensorboard: bool) -> KeyboardInterrupt | None:
     """Train under a screen; return what ended it early, if that left something to draw."""
-    plan, done = experiment.plan, experiment.learner.iteration
-    folder = plan.folder / "tensorboard"
-    events = Events(folder, plan.seeds, done) if tensorboard else nullcontext()
+    plan = experiment.plan
+    events = Events(plan.folder / "tensorboard", plan.seeds) if tensorboard else nullcontext()
     try:
         with Screen(experiment) as screen, events as watcher:
             for report in experiment.run():

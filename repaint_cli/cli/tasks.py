@@ -2,6 +2,7 @@
 
 import json
 import re
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -10,7 +11,7 @@ import typer
 if TYPE_CHECKING:
     from repaint_cli.tasks import TaskCard
 
-tasks = typer.Typer(no_args_is_help=True, help="List, show, copy and check task cards.")
+tasks = typer.Typer(no_args_is_help=True, help="List, show, copy, check task cards; trust a run.")
 Name = Annotated[str, typer.Argument(help="A task's name, or a card of your own.")]
 
 
@@ -60,7 +61,7 @@ def copy(
     if file.exists():
         raise StoreError(f"{file} exists already; give another name")
     write_text(file, to_toml(card))
-    print(f"wrote {file}\nnext: repaint train-teacher --task {file}")
+    print(f"wrote {file}\nnext: repaint train-teacher --task {shlex.quote(str(file))}")
 
 
 @tasks.command()
@@ -102,7 +103,8 @@ def check_track(file: str) -> None:
     print(f"{track.name} is sound: {facts}")
     picture = Path(f"{track.name}.png")
     plot_track(track, picture, facts)
-    print(f"wrote {picture}\nnext: repaint train-teacher --task racer-inner --set env.track={file}")
+    setting = shlex.quote(f"env.track={file}")
+    print(f"wrote {picture}\nnext: repaint train-teacher --task racer-inner --set {setting}")
 
 
 def to_toml(card: "TaskCard") -> str:
@@ -130,15 +132,25 @@ def _value(value: Any) -> str:
 @tasks.command()
 def trust(
     run: Annotated[Path, typer.Argument(help="A run's folder, from somebody else.")],
+    yes: Annotated[bool, typer.Option("--yes", help="Do not ask.")] = False,
 ) -> None:
     """Let a run by somebody else run its code here.
 
-    That is a reward function, or a module that its environment is in; read it first.
+    That is a reward function, or a module that its environment is in; it is shown first.
     """
     from repaint_cli import trust
-    from repaint_cli.cli.words import plain
+    from repaint_cli.cli.words import agreed, plain
     from repaint_cli.history import read_run
 
     task = read_run(run).task
-    trust.allow(task)
-    print(f"trusted: {plain(trust.code_of(task) or 'nothing, it brings no code along')}")
+    code = trust.code_of(task)
+    if code is None:
+        print("nothing to allow: it brings no code along")
+        return
+    if task.reward_code:
+        print(plain(task.reward_code.source))
+    if yes or agreed(f"Let {plain(code)} run here?"):
+        trust.allow(task)
+        print(f"allowed: {plain(code)}")
+    else:
+        print("nothing allowed")

@@ -1,8 +1,11 @@
-"""Texts out of files, on their way to a terminal."""
+"""Texts on their way to a terminal, and a question."""
 
 from collections.abc import Sequence
 
+import typer
 from rich.markup import escape
+
+from repaint_cli.errors import RepaintError
 
 
 def plain(text: object) -> str:
@@ -28,3 +31,17 @@ def columns(title: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
     widths = [max(len(row[i]) for row in cells) for i in range(len(title))]
     lines = ("  ".join(map(str.ljust, row, widths)).rstrip() for row in cells)
     return "\n".join(lines)
+
+
+def agreed(question: str) -> bool:
+    """Ask a person, and return whether they agree.
+
+    Raises:
+        RepaintError: nobody answers.
+    """
+    try:
+        return typer.confirm(question)
+    except typer.Abort as end:
+        if isinstance(end.__context__, KeyboardInterrupt):
+            raise
+        raise RepaintError("expected an answer, and there is nobody to ask; try --yes") from end

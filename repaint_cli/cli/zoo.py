@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from repaint_cli.cli.zoo_add import add
-from repaint_cli.errors import CardError, CheckpointError, StoreError
+from repaint_cli.errors import CardError, CheckpointError
 from repaint_cli.paths import user_zoo
 
 zoo = typer.Typer(no_args_is_help=True, help="List, show, check, add, export, remove teachers.")
@@ -107,7 +107,7 @@ def export(
     folder: Annotated[Path, typer.Argument(help="Where to; it is made where it is absent.")],
     onnx: Annotated[bool, typer.Option("--onnx", help="Write the policy as ONNX, too.")] = False,
 ) -> None:
-    """Export a teacher: its file, card.json and a page about it, README.md."""
+    """Write a teacher, card.json and a page to a folder."""
     from repaint_cli.cli.session import say_written
     from repaint_cli.export import export
     from repaint_cli.zoo import find
@@ -122,19 +122,10 @@ def remove(
     yes: Annotated[bool, typer.Option("--yes", help="Do not ask.")] = False,
 ) -> None:
     """Remove one of your own teachers, after asking."""
-    from repaint_cli.cli.words import plain
+    from repaint_cli.cli.words import agreed, plain
     from repaint_cli.zoo import remove
 
-    if yes or _agreed(f"Remove the teacher '{plain(name)}' from your zoo for good?", name):
+    if yes or agreed(f"Remove the teacher '{plain(name)}' from your zoo for good?"):
         print(f"removed {remove(name)}")
     else:
         print("nothing removed")
-
-
-def _agreed(question: str, name: str) -> bool:
-    try:
-        return typer.confirm(question)
-    except typer.Abort as end:
-        if isinstance(end.__context__, KeyboardInterrupt):
-            raise
-        raise StoreError(f"nobody answered whether to remove '{name}'; try --yes") from end

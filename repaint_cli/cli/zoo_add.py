@@ -1,5 +1,6 @@
 """`repaint zoo add`."""
 
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -61,7 +62,8 @@ def add(
         score = f"{card.score.mean:.4g} [{card.score.low:.4g}, {card.score.high:.4g}]"
         out.print(f"score on {card.task.name}: {score} over {card.score.episodes} episodes")
     path = zoo.add(network, 0, card.model_copy(update={"name": name}), user_zoo(), replace=replace)
-    say_written([path], f"repaint transfer --teacher {name} --task {task or card.task.name}")
+    target = shlex.quote(task or card.task.name)
+    say_written([path], f"repaint transfer --teacher {name} --task {target}")
 
 
 def _ours(

@@ -216,7 +216,7 @@ def number_of(found: Any) -> float:
     Raises:
         Refused: it is none.
     """
-    if type(found) in (int, float):
+    if type(found) is float or (type(found) is int and found.bit_length() <= 64):
         return float(found)
     if isinstance(found, Record) and found.name.endswith(".scalar") and len(found.args) == 2:
         kind, data = found.args

@@ -4,7 +4,6 @@ Their settings are JSON; what stands there in cloudpickle (`:serialized:`) stays
 writes the same beside it as text. Where that text does not say all, the policy is refused.
 """
 
-import json
 import re
 from collections.abc import Mapping
 from pathlib import Path
@@ -16,10 +15,13 @@ from repaint_cli.architecture import NetConfig
 from repaint_cli.errors import CheckpointError
 from repaint_cli.foreign.archives import LARGEST, read_members, read_tensors
 from repaint_cli.foreign.imported import CAMERA, Imported, check_nothing_left, renamed, widths
-from repaint_cli.reading import read_bytes
+from repaint_cli.reading import parsed, read_bytes
 from repaint_cli.spaces import Spaces
 
 DATA, WEIGHTS, VERSION = "data", "policy.pth", "_stable_baselines3_version"
+
+LARGEST_SETTINGS = 16 * 2**20
+"""Bytes of JSON; last observations, which may be images, are among them."""
 
 WORKS = "what can be read: PPO and A2C with MlpPolicy or CnnPolicy"
 
@@ -77,10 +79,11 @@ def read(path: Path) -> tuple[Imported, bool]:
 
 
 def _settings(text: bytes, path: Path) -> dict[str, Any]:
-    try:
-        data = json.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise CheckpointError(f"{path}: its '{DATA}' is not JSON") from error
+    if len(text) > LARGEST_SETTINGS:
+        raise CheckpointError(
+            f"{path}: expected a '{DATA}' of at most {LARGEST_SETTINGS:,} bytes, found {len(text):,}"
+        )
+    data = parsed(text.decode("utf-8", "replace"), f"{path}: its '{DATA}'", CheckpointError)
     if not isinstance(data, dict):
         raise CheckpointError(f"{path}: expected settings in its '{DATA}', found none")
     return data

@@ -3,6 +3,7 @@
 from importlib.util import find_spec
 from pathlib import Path
 from types import TracebackType
+from typing import Any
 
 from repaint_cli.errors import RepaintError
 from repaint_cli.metrics import Report
@@ -21,12 +22,10 @@ def require_tensorboard() -> None:
 class Events:
     """Writes the numbers of metrics.csv as scalars, a writer per seed."""
 
-    def __init__(self, folder: Path, seeds: list[int], done: int = 0) -> None:
-        """Open the writers; what an earlier process wrote of iterations after `done` is void."""
-        from torch.utils.tensorboard import SummaryWriter
-
-        places = [str(folder / f"seed-{seed}") for seed in seeds]
-        self._writers = [SummaryWriter(place, purge_step=done + 1) for place in places]
+    def __init__(self, folder: Path, seeds: list[int]) -> None:
+        """Name the folders, seed by seed; they are made with the first numbers."""
+        self._places = [str(folder / f"seed-{seed}") for seed in seeds]
+        self._writers: list[Any] = []
 
     def __enter__(self) -> "Events":
         return self
@@ -41,7 +40,12 @@ class Events:
             writer.close()
 
     def add(self, report: Report) -> None:
-        """Write an iteration's numbers."""
+        """Write an iteration's numbers; what an earlier process wrote of it and later is void."""
+        from torch.utils.tensorboard import SummaryWriter
+
+        first = report.stats.iteration
+        if not self._writers:
+            self._writers = [SummaryWriter(place, purge_step=first) for place in self._places]
         for writer, row in zip(self._writers, report.rows, strict=True):
             for name, value in row.items():
                 if name not in ("iteration", "phase"):

@@ -39,7 +39,7 @@ def draw_run(run: Run) -> list[Path]:
 
 def _draw_evaluations(run: Run, title: str) -> list[Path]:
     """Draw where some of the evaluations led."""
-    kept = evaluations.kept(run.folder)
+    kept = list(evaluations.kept(run.folder))
     if not kept:
         return []
     chosen = np.unique(np.linspace(0, len(kept) - 1, PANELS).round().astype(int))
