@@ -167,3 +167,10 @@ def test_settings_that_are_no_numbers_count_as_unknown(tmp_path):
     assert (policy.seed, policy.env_steps) == (0, 0)
     assert policy.versions == {"stable-baselines3": "unknown"}
     assert_close(policy.leaves["policy.log_std"], model().policy.log_std.detach())
+
+
+def test_settings_beyond_all_measure_are_not_parsed(tmp_path, monkeypatch):
+    path = saved(tmp_path, model())
+    monkeypatch.setattr(sb3, "LARGEST_SETTINGS", 100)
+    with pytest.raises(CheckpointError, match="expected a 'data' of 100 bytes at most, found"):
+        sb3.read(path)

@@ -220,3 +220,7 @@ def test_the_limits_leave_room_for_what_vecnormalize_writes():
     data = pickle.dumps(normalised(dreaming()))
     assert sum(1 for _ in pickletools.genops(data)) < pickles.MOST_OPCODES / 100
     assert len(data) < statistics.LARGEST / 100
+
+
+def test_a_bound_beyond_all_numbers_is_refused(tmp_path):
+    assert "vec.pkl" in refusal(saved(tmp_path, normalised(dreaming(), clip_obs=2**2000)))

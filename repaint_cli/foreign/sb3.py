@@ -81,7 +81,8 @@ def read(path: Path) -> tuple[Imported, bool]:
 def _settings(text: bytes, path: Path) -> dict[str, Any]:
     if len(text) > LARGEST_SETTINGS:
         raise CheckpointError(
-            f"{path}: expected a '{DATA}' of at most {LARGEST_SETTINGS:,} bytes, found {len(text):,}"
+            f"{path}: expected a '{DATA}' of {LARGEST_SETTINGS:,} bytes at most, found "
+            f"{len(text):,}"
         )
     data = parsed(text.decode("utf-8", "replace"), f"{path}: its '{DATA}'", CheckpointError)
     if not isinstance(data, dict):
