@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import torch
-from safetensors.torch import save_file
+from safetensors.numpy import save as serialized
 from torch import Tensor
 
 from repaint_cli.architecture import NetConfig
@@ -35,10 +35,11 @@ def save(
 
     It is written whole or not at all; with `new` not over another (see `files.written_whole`).
     """
-    whole = {name: tensor.detach().contiguous().clone() for name, tensor in tensors.items()}
-    text = json.dumps({**header, HASH: content_hash(whole, header)})
+    text = json.dumps({**header, HASH: content_hash(tensors, header)})
+    arrays = {name: tensor.detach().contiguous().numpy() for name, tensor in tensors.items()}
+    packed = serialized(arrays, metadata={KEY: text})  # two keys would be in any order
     with written_whole(path, new=new) as temporary:
-        save_file(whole, temporary, metadata={KEY: text})  # two keys would be in any order
+        temporary.write_bytes(packed)  # safetensors' own way leaves files behind when it is killed
 
 
 def load(path: Path, *, finite: bool = True) -> tuple[dict[str, Tensor], dict[str, Any]]:
@@ -73,7 +74,7 @@ def content_hash(tensors: Mapping[str, Tensor], header: Mapping[str, Any]) -> st
     found = hashlib.sha256(json.dumps(header).encode())
     for name, tensor in sorted(tensors.items()):
         found.update(f"\n{name} {_kind(tensor, tensor.shape)}\n".encode())
-        found.update(tensor.detach().numpy().reshape(-1).view("u1").data)
+        found.update(tensor.detach().contiguous().numpy().reshape(-1).view("u1").data)
     return found.hexdigest()
 
 

@@ -61,11 +61,8 @@ def written_whole(path: Path, *, new: bool = False) -> Iterator[Path]:
         else:
             os.replace(temporary, path)
         _sync_folder(path.parent)
-    except (OSError, SafetensorError) as error:
-        if isinstance(error, SafetensorError) and "I/O" not in str(error):
-            raise
-        reason = getattr(error, "strerror", None) or str(error)
-        raise StoreError(f"cannot write {path}: {reason}") from error
+    except OSError as error:
+        raise StoreError(f"cannot write {path}: {error.strerror or error}") from error
     finally:
         if temporary != path:
             with suppress(FileNotFoundError):

@@ -14,7 +14,7 @@ import tiny_tasks
 import torch
 from tiny_learners import trained
 
-from repaint_cli import checkpoint, files, zoo
+from repaint_cli import files, zoo
 from repaint_cli.cards import read_task
 from repaint_cli.history import read_run
 from repaint_cli.plans import Plan, plan_of
@@ -98,15 +98,15 @@ def _dying(kind, folder, fate):
                 _die()
             done = operation(*args, **kwargs)
             if left[0] == 0:
-                if operation is real_save:
-                    os.truncate(args[1], os.path.getsize(args[1]) // 2)
+                if operation is real_write:
+                    os.truncate(args[0], os.path.getsize(args[0]) // 2)
                 _die()
             return done
 
         return carried_out
 
-    real_save = checkpoint.save_file
-    checkpoint.save_file = mortal(real_save)
+    real_write = Path.write_bytes
+    Path.write_bytes = mortal(real_write)
     for name in ("fsync", "replace", "rename", "truncate", "unlink"):
         setattr(files.os, name, mortal(getattr(os, name)))
     go_on(kind, folder)

@@ -343,7 +343,9 @@ def test_a_full_disk(repaint, home):
     with full_disk(20_000):
         said = repaint(*SCRATCH, *QUICK, "--run", "run")
     assert said.code == STORE
-    assert re.fullmatch(r"error: cannot write run/best.safetensors: .*\n", said.err)
+    assert re.fullmatch(
+        r"error: cannot write run/checkpoint.safetensors: File too large\n", said.err
+    )
     assert set(files_below(home)) == {"run/metrics.csv", "run/run.json"}
     assert json.loads((home / "run" / "run.json").read_text())["iterations"] == 0
 
