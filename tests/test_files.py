@@ -60,14 +60,13 @@ def test_a_disk_that_fills_up_late_does_too(old, monkeypatch, function):
     assert untouched(old)
 
 
-def test_tensors_on_a_full_disk_do_too(old):
-    tensors = {"x": np.zeros(10_000)}
+def test_bytes_on_a_full_disk_do_too(old):
     with (
         full_disk(1000),
         pytest.raises(StoreError, match="cannot write"),
         written_whole(old) as new,
     ):
-        save_file(tensors, new)
+        new.write_bytes(bytes(10_000))
     assert untouched(old)
 
 
