@@ -101,7 +101,7 @@ class Past:
                 logs=[{name: float(log[name]) for name in START} for log in record["logs"]],
                 source=source,
             )
-        except (KeyError, TypeError, ValueError, AttributeError) as error:
+        except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
             raise CheckpointError(f"{source} tells nothing of its past: {error!s:.200}") from error
 
 

@@ -62,7 +62,7 @@ def load_learner(path: Path, learner: Learner) -> dict[str, Any]:
         raise CheckpointError(f"{path} holds seeds {found:.100}, wanted {learner.seeds}")
     try:
         _put(path, tensors, notes, learner)
-    except (KeyError, TypeError, ValueError) as error:
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
         raise CheckpointError(f"{path} lacks a part or has a wrong one: {error!s:.200}") from error
     return notes
 

@@ -138,7 +138,13 @@ def test_a_record_that_says_nonsense_is_refused(repaint, home, changes, text):
 
 @pytest.mark.parametrize(
     "changes",
-    [{"past": None}, {"past": {"seconds": "x"}}, {"iteration": "many"}, {"env_steps": [1, 2]}],
+    [
+        {"past": None},
+        {"past": {"seconds": "x"}},
+        {"iteration": "many"},
+        {"env_steps": [1, 2]},
+        {"env_steps": [10**30]},
+    ],
 )
 def test_a_checkpoint_whose_notes_are_nonsense_is_refused(repaint, home, changes):
     repaint(*SCRATCH)
