@@ -23,7 +23,6 @@ TYPES = {
 }  # fmt: skip
 """What our files hold, as safetensors and as we name it."""
 
-
 MOST_NUMBERS = 2**28
 """In the networks of a file, 1 GB: a hole in a file takes no room on a disk, but in memory."""
 

@@ -36,7 +36,6 @@ CHECKPOINT = "checkpoint.safetensors"
 EARLIER = "checkpoint-*.safetensors"
 """Those before it, by iteration."""
 
-
 MOST_ALARMS = 1000
 """Alarms that are recorded: what has to be said so often need not be said more often."""
 

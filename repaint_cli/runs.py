@@ -11,7 +11,7 @@ import torch
 
 from repaint_cli import evaluations, trust, zoo
 from repaint_cli.alarms import Alarm, alarms_of, reference_beside
-from repaint_cli.errors import CheckpointError, RepaintError, telling_where
+from repaint_cli.errors import CheckpointError, RepaintError, StoreError, telling_where
 from repaint_cli.evaluate import evaluate, has_paths, spaces_of
 from repaint_cli.files import alone_in, as_json, write_text
 from repaint_cli.history import read_run
@@ -216,11 +216,15 @@ class Experiment:
         """Score the best evaluated policy on fresh seeds and write it as a teacher.
 
         Raises:
-            StoreError: somebody else's has that name by now; the policy is in the run's folder.
+            StoreError: another has that name by now, or the folder cannot be written.
         """
-        network, card = zoo.load_teacher(self.plan.folder / f"{BEST}.safetensors")
+        best = self.plan.folder / f"{BEST}.safetensors"
+        network, card = zoo.load_teacher(best)
         scored = {"name": name, "score": score(network, self.plan.task, card.seed)}
-        return zoo.add(network, 0, card.model_copy(update=scored), folder, replace=replace)
+        try:
+            return zoo.add(network, 0, card.model_copy(update=scored), folder, replace=replace)
+        except StoreError as error:
+            raise StoreError(f"{error}; the policy is kept in {best}") from error
 
     def _card(self, name: str, s: int) -> TeacherCard:
         spaces = self.learner.student.spaces

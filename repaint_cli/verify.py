@@ -24,24 +24,24 @@ def verify(path: Path, *, again: bool = False) -> str:
         CheckpointError: something is wrong with it.
     """
     network, card = load_teacher(path)
-    found = ["sound"] if read_hash(path) else ["sound, but without a hash: of an earlier version"]
+    sound = "sound" if read_hash(path) else "sound, but without a hash: of an earlier version"
     if code := trust.code_of(card.task):
-        return f"{found[0]}; {code} is never run from a teacher's file"
+        return f"{sound}; {code} is never run from a teacher's file"
     try:
         spaces = spaces_of(card.task)
-        again_score = score(network, card.task, card.seed) if again else None
+        measured_again = score(network, card.task, card.seed) if again else None
     except RepaintError as error:
         raise CheckpointError(f"its own task cannot be played: {error}") from error
     if spaces != card.spaces:
         raise CheckpointError(f"it has {card.spaces}, its own task '{card.task.name}' {spaces}")
-    if again_score is None:
-        return found[0]
-    measured = f"{again_score.mean:.4g} [{again_score.low:.4g}, {again_score.high:.4g}]"
+    if measured_again is None:
+        return sound
+    measured = f"{measured_again.mean:.4g} [{measured_again.low:.4g}, {measured_again.high:.4g}]"
     if card.score is None:
-        return f"{found[0]}; its card has no score, measured {measured}"
-    if not card.score.low <= again_score.mean <= card.score.high:
+        return f"{sound}; its card has no score, measured {measured}"
+    if not card.score.low <= measured_again.mean <= card.score.high:
         raise CheckpointError(
             f"its card says a score of {card.score.mean:.4g} [{card.score.low:.4g}, "
             f"{card.score.high:.4g}], measured {measured}"
         )
-    return f"{found[0]}; score {measured}, its card says {card.score.mean:.4g}"
+    return f"{sound}; score {measured}, its card says {card.score.mean:.4g}"

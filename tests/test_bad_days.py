@@ -205,4 +205,5 @@ def test_what_is_half_written_is_nobody_else_s(repaint, home, monkeypatch):
 
     monkeypatch.setattr(runs.alone_in.__wrapped__.__globals__["os"], "fsync", fsync)
     assert repaint(*TRAIN).code == 0
+    assert 0 in modes
     assert modes <= {0, 0o055}  # files are ours alone; folders are synced, too

@@ -211,3 +211,27 @@ def test_a_folder_that_cannot_be_read_is_named(repaint, home, monkeypatch):
     said = repaint("zoo", "list")
     assert said.code == StoreError.exit_code
     assert said.err == f"error: cannot read {home}/home/zoo: Permission denied\n"
+
+
+@pytest.mark.parametrize("spoiled", [False, True])
+def test_a_name_that_is_taken_meanwhile_costs_no_policy(repaint, home, monkeypatch, spoiled):
+    real, other = runs.score, home / "home" / "zoo" / "mine.safetensors"
+
+    def score(*args):  # while it is measured, another gets the name
+        add_teacher(other.parent, "mine")
+        if spoiled:
+            other.write_bytes(b"not whole")
+        return real(*args)
+
+    words = ["train-teacher", "--task", "reacher", "--name", "mine", "--run", "run", *QUICK]
+    with monkeypatch.context() as patch:
+        patch.setattr(runs, "score", score)
+        said = repaint(*words)
+    before = other.read_bytes()
+    assert said.code == StoreError.exit_code
+    assert f"{other} exists already; the policy is kept in run/best.safetensors" in said.err
+    command = "repaint train-teacher --resume run"
+    assert said.out.splitlines()[-1] == f"not all is drawn and kept; next: {command}"
+    assert repaint(*command.split()[1:], "--name", "two").code == 0
+    assert other.read_bytes() == before
+    assert (other.parent / "two.safetensors").is_file()

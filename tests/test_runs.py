@@ -357,7 +357,7 @@ def test_a_checkpoint_that_cannot_be_written_leaves_the_last_one(repaint, home, 
     assert said.code == 7
     assert said.err.startswith("error: cannot write run/")
     assert said.err.endswith("No space left on device\n")
-    assert said.out.endswith("once there is room again: repaint transfer --resume run\n")
+    assert said.out.endswith("next: repaint transfer --resume run\n")
     after = files_below(home / "run")
     assert len(rows_of(home / "run")) == 1  # as many as the checkpoint has iterations
     changed = {name for name in before.keys() | after if before.get(name) != after.get(name)}

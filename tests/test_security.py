@@ -2,15 +2,15 @@
 
 import importlib.util
 import json
-import os
 import re
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 from tiny_runs import QUICK, QUICK_LAP, add_teacher
 
+from repaint_cli import past
+from repaint_cli.files import UMASK
 from repaint_cli.paths import PACKAGE
 
 ROOT = PACKAGE.parent
@@ -133,12 +133,14 @@ def test_every_dependency_has_a_pin():
 
 
 def test_folders_for_what_is_unfinished_are_ours_alone(home, monkeypatch):
-    assert Path.cwd() == home
-    os.umask(os.umask(0o022))
-    from repaint_cli.past import claim
+    modes, start = [], past.start_csv
 
-    seen, rename = [], os.rename
-    monkeypatch.setattr(os, "rename", lambda a, b: (seen.append(Path(a).parent), rename(a, b)))
-    claim(home / "run", {})
-    assert seen == [home]
+    def started(path):
+        modes.append(path.parent.stat().st_mode & 0o777)
+        start(path)
+
+    monkeypatch.setattr(past, "start_csv", started)
+    past.claim(home / "run", {})
+    assert modes == [0o700]
+    assert (home / "run").stat().st_mode & 0o777 == 0o777 & ~UMASK
     assert not list(home.glob(".*"))

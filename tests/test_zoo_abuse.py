@@ -117,7 +117,7 @@ def test_a_disk_that_fills_while_a_teacher_trains(repaint, home):
         assert said.err.startswith("error: cannot write run/mine/")
         assert said.err.count("\n") == 1
         command = "repaint train-teacher --resume run/mine"
-        assert said.out.splitlines()[-1] == f"once there is room again: {command}"
+        assert said.out.splitlines()[-1] == f"next: {command}"
         done = load(home / "run" / "mine" / "checkpoint.safetensors")[1]["iteration"]
         assert 1 <= done < 60
         remount(home / "run", "size=20m")

@@ -155,7 +155,7 @@ def carry_out(plan: Plan, tensorboard: bool, *, resume: bool = False) -> None:
     interruption = _train(experiment, tensorboard)
     try:
         written, following = _finish(experiment, early=interruption is not None)
-    except (KeyboardInterrupt, Terminated):
+    except (KeyboardInterrupt, Terminated, StoreError):
         out.print(f"not all is drawn and kept; next: [bold]{literal(resuming(plan))}[/bold]")
         raise
     written += [plan.folder / "tensorboard"] if tensorboard else []
@@ -199,7 +199,7 @@ def _train(experiment: Experiment, tensorboard: bool) -> KeyboardInterrupt | Non
             raise
         return interruption
     except StoreError:
-        out.print(f"once there is room again: [bold]{literal(resuming(plan))}[/bold]")
+        out.print(f"next: [bold]{literal(resuming(plan))}[/bold]")
         raise
     return None
 
