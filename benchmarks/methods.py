@@ -23,9 +23,9 @@ from pathlib import Path
 
 import numpy as np
 
-from repaint_cli.cards import read_task
-from repaint_cli.history import read_run
-from repaint_cli.report.statistics import area_under_curve, iterations_to
+from repaint_cli.runs.reader import read_run
+from repaint_cli.statistics import area_under_curve, iterations_to
+from repaint_cli.tasks.card_files import read_task
 
 RESULTS = Path(__file__).parent / "results"
 MARKS = (1, 5, 10, 20)

@@ -18,22 +18,22 @@ import torch
 from turns import Measurements, Table, median, run, span
 
 from repaint_cli.kernels import loose_kernel
-from repaint_cli.learn.dense_kernels import tanh
+from repaint_cli.learn.update.compiled.kernels import tanh
 
 OBS, ACTIONS, SAMPLES, NUMBERS = 27, 8, 2048, 4096
 
 
 def step(compiled: bool, width: int = 64, own_blas_threads: bool = False) -> float:
     """Return the time of a gradient step."""
-    from repaint_cli.architecture import NetConfig
-    from repaint_cli.config import PPOConfig
-    from repaint_cli.learn import by_hand
-    from repaint_cli.learn.advantages import Samples
-    from repaint_cli.learn.frames import Frames
-    from repaint_cli.learn.optimizer import RowAdam
-    from repaint_cli.learn.update import learn_on_policy
-    from repaint_cli.nets import ActorCritic
-    from repaint_cli.spaces import Spaces
+    from repaint_cli.learn.rollout.gae import Samples
+    from repaint_cli.learn.rollout.observations import Frames
+    from repaint_cli.learn.update.adam import RowAdam
+    from repaint_cli.learn.update.compiled import update as compiled
+    from repaint_cli.learn.update.epochs import learn_on_policy
+    from repaint_cli.policies.architecture import NetConfig
+    from repaint_cli.policies.networks import ActorCritic
+    from repaint_cli.policies.spaces import Spaces
+    from repaint_cli.settings import PPOConfig
 
     student = ActorCritic(
         Spaces((OBS,), ACTIONS, discrete=False), NetConfig(hidden=(width, width)), 1
@@ -47,7 +47,7 @@ def step(compiled: bool, width: int = 64, own_blas_threads: bool = False) -> flo
     )  # fmt: skip
     ppo = PPOConfig(compiled=compiled)
     free = Mock(limit=lambda limits: nullcontext())
-    with patch.object(by_hand, "_blas", lambda: free) if own_blas_threads else nullcontext():
+    with patch.object(compiled, "_blas", lambda: free) if own_blas_threads else nullcontext():
         for _ in range(2):  # the first compiles
             started = perf_counter()
             learn_on_policy(student, optimizer, samples, ppo, [np.random.default_rng(0)])

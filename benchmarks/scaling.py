@@ -23,11 +23,11 @@ CAMERA_SEEDS = (1, 2, 5)
 
 def training(n_seeds: int = 1, n_steps: int = 2048, n_envs: int = 40) -> float:
     """Return the ms per 1,000 steps of training, over all seeds."""
-    from repaint_cli.cards import read_task
-    from repaint_cli.evaluate import spaces_of
+    from repaint_cli.learn.evaluation import spaces_of
     from repaint_cli.learn.learner import Learner
-    from repaint_cli.learn.trainer import train
-    from repaint_cli.nets import ActorCritic
+    from repaint_cli.learn.ppo import train
+    from repaint_cli.policies.networks import ActorCritic
+    from repaint_cli.tasks.card_files import read_task
 
     settings = [f"ppo.n_steps={n_steps}", f"ppo.n_envs={n_envs}"]
     card = read_task("reacher").with_settings(settings)
@@ -43,11 +43,11 @@ def training(n_seeds: int = 1, n_steps: int = 2048, n_envs: int = 40) -> float:
 
 def acting(n_envs: int, steps: int = 100) -> float:
     """Return the ms per 1,000 steps of acting alone in N environments."""
-    from repaint_cli.cards import read_task
-    from repaint_cli.evaluate import spaces_of
-    from repaint_cli.learn.rollout import collect, start
+    from repaint_cli.learn.evaluation import spaces_of
+    from repaint_cli.learn.rollout.collect import collect, start
     from repaint_cli.learn.seeding import Purpose
-    from repaint_cli.nets import ActorCritic
+    from repaint_cli.policies.networks import ActorCritic
+    from repaint_cli.tasks.card_files import read_task
 
     card = read_task("reacher")
     student = ActorCritic(spaces_of(card), card.net, 1)
@@ -65,12 +65,12 @@ def acting(n_envs: int, steps: int = 100) -> float:
 
 def memory(n_seeds: int) -> float:
     """Return the largest resident memory of camera training, MB: 20 laps a seed, one epoch."""
-    from repaint_cli import zoo
-    from repaint_cli.cards import read_task
     from repaint_cli.learn.learner import Learner
-    from repaint_cli.learn.trainer import train
+    from repaint_cli.learn.ppo import train
+    from repaint_cli.tasks.card_files import read_task
+    from repaint_cli.zoo import store
 
-    student, _ = zoo.load_teacher(zoo.find("racer-inner"), n_seeds)
+    student, _ = store.load_teacher(store.find("racer-inner"), n_seeds)
     weights = student.storage.clone()
     card = read_task("racer-inner").with_settings(["ppo.n_epochs=1"])
     learner = Learner.fresh(student, list(range(n_seeds)), card.ppo.learning_rate)

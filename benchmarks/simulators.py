@@ -43,8 +43,8 @@ def steps_per_second(env: Any, seconds: float = 1.0) -> float:
 
 def racer(kind: str, cars: int, threads: int, draws: bool) -> float:
     """Measure the racer."""
-    from repaint_cli.envs.racer import RacerVectorEnv
-    from repaint_cli.simulators import load_track
+    from repaint_cli.envs.racer.env import RacerVectorEnv
+    from repaint_cli.envs.racer.track.files import load_track
 
     settings = dict(KINDS[kind])
     track = load_track(settings.pop("track"))
@@ -58,7 +58,7 @@ def racer(kind: str, cars: int, threads: int, draws: bool) -> float:
 
 def mujoco(env_id: str, copies: int, backend: str) -> float:
     """Measure a MuJoCo task, through EnvPool or through Gymnasium."""
-    from repaint_cli.envs.gym import make_gym
+    from repaint_cli.envs.gymnasium.vector import make_gym
 
     return steps_per_second(make_gym(env_id, copies, {}, backend))
 

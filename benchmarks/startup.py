@@ -33,7 +33,12 @@ FIRST = {
     "racer-inner": "racer-inner --eval-episodes 1 --set ppo.n_episodes=2 --set ppo.n_epochs=1",
     "racer-avoid": "racer-avoid --eval-episodes 1 --set ppo.n_episodes=2 --set ppo.n_epochs=1",
 }
-IMPORTS = ("repaint_cli.cli.app", "repaint_cli.tasks", "repaint_cli.nets", "repaint_cli.runs")
+IMPORTS = (
+    "repaint_cli.cli.app",
+    "repaint_cli.tasks.task",
+    "repaint_cli.policies.networks",
+    "repaint_cli.runs.experiment",
+)
 
 
 def command(line: str) -> list[str]:

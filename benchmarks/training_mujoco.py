@@ -64,11 +64,11 @@ def sb3_on_every_core(task: str) -> float:
 
 def repaint(task: str, n_seeds: int, compiled: bool) -> float:
     """Train with repaint; return steps per second over all seeds."""
-    from repaint_cli.cards import read_task
-    from repaint_cli.evaluate import spaces_of
+    from repaint_cli.learn.evaluation import spaces_of
     from repaint_cli.learn.learner import Learner
-    from repaint_cli.learn.trainer import train
-    from repaint_cli.nets import ActorCritic
+    from repaint_cli.learn.ppo import train
+    from repaint_cli.policies.networks import ActorCritic
+    from repaint_cli.tasks.card_files import read_task
 
     card = read_task(task).with_settings([f"ppo.compiled={str(compiled).lower()}"])
     student = ActorCritic(spaces_of(card), card.net, n_seeds)

@@ -21,7 +21,7 @@ import torch
 from torch import nn
 from turns import Measurements, Table, median, run, span
 
-from repaint_cli.cards import read_task
+from repaint_cli.tasks.card_files import read_task
 
 CARS, EPOCHS, MINIBATCH, SB3_STEPS = 20, 8, 64, 1280
 POOLS = (2, 1)
@@ -87,10 +87,10 @@ def convolutions(pool: int) -> list[nn.Module]:
 
 def repaint(pool: int) -> float:
     """Train two iterations with repaint; return ms per step."""
-    from repaint_cli.evaluate import spaces_of
+    from repaint_cli.learn.evaluation import spaces_of
     from repaint_cli.learn.learner import Learner
-    from repaint_cli.learn.trainer import train
-    from repaint_cli.nets import ActorCritic
+    from repaint_cli.learn.ppo import train
+    from repaint_cli.policies.networks import ActorCritic
 
     card = read_task("racer-inner").with_settings([f"net.pool={pool}"])
     learner = Learner.fresh(ActorCritic(spaces_of(card), card.net, 1), [0], 3e-4)

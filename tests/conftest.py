@@ -37,16 +37,16 @@ def pytest_configure(config):
 def batches_of(monkeypatch):
     """Have every call of a loss, by name, note its batch of samples."""
 
-    from repaint_cli.learn import update
+    from repaint_cli.learn.update import epochs
 
     def spy_on(name):
-        batches, loss = [], getattr(update, name)
+        batches, loss = [], getattr(epochs, name)
 
         def spy(student, batch, *rest):
             batches.append(batch)
             return loss(student, batch, *rest)
 
-        monkeypatch.setattr(update, name, spy)
+        monkeypatch.setattr(epochs, name, spy)
         return batches
 
     return spy_on

@@ -6,15 +6,15 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 from torch.testing import assert_close
 
-from repaint_cli.architecture import NetConfig
-from repaint_cli.config import PPOConfig
-from repaint_cli.learn import advantages as module
-from repaint_cli.learn.advantages import Samples, describe, gae, to_samples
-from repaint_cli.learn.batches import front
-from repaint_cli.learn.frames import Frames
-from repaint_cli.learn.tape import Rollout
-from repaint_cli.nets import ActorCritic
-from repaint_cli.spaces import Spaces
+from repaint_cli.learn.rollout import gae as module
+from repaint_cli.learn.rollout.batches import front
+from repaint_cli.learn.rollout.gae import Samples, describe, gae, to_samples
+from repaint_cli.learn.rollout.observations import Frames
+from repaint_cli.learn.rollout.storage import Rollout
+from repaint_cli.policies.architecture import NetConfig
+from repaint_cli.policies.networks import ActorCritic
+from repaint_cli.policies.spaces import Spaces
+from repaint_cli.settings import PPOConfig
 
 seeds = st.integers(0, 2**32 - 1)
 

@@ -5,12 +5,12 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from tiny_runs import QUICK, add_teacher
+from small_runs import QUICK, add_teacher
 
-from repaint_cli.alarms import alarms_of, reference_beside
-from repaint_cli.cards import read_task
-from repaint_cli.learn.trainer import IterationStats
-from repaint_cli.metrics import Report
+from repaint_cli.learn.ppo import IterationStats
+from repaint_cli.runs.alarms import alarms_of, reference_beside
+from repaint_cli.runs.metrics import Report
+from repaint_cli.tasks.card_files import read_task
 
 SCRATCH = ["transfer", "--task", "reacher", "--method", "scratch", *QUICK]
 QUIET = {"kept_fraction": [0.5], "kept_reward": [2], "student_reward": [1]}

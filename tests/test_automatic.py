@@ -5,16 +5,16 @@ import numpy as np
 import pytest
 import torch
 from numpy.testing import assert_allclose, assert_array_equal
+from small_learners import learner_of, stranger, taught_by, transferring, with_transfer
+from small_tasks import guess, reach
 from test_selection import batch
-from tiny_learners import learner_of, stranger, taught_by, transferring, with_transfer
-from tiny_tasks import guess, reach
 
-from repaint_cli.config import TransferConfig
-from repaint_cli.learn.automatic import Measured, mean_and_error
-from repaint_cli.learn.teachers import transfer_instances
-from repaint_cli.learn.trainer import train
-from repaint_cli.methods import METHODS
-from repaint_cli.plans import Plan
+from repaint_cli.learn.ppo import train
+from repaint_cli.learn.transfer.measured import Measured, mean_and_error
+from repaint_cli.learn.transfer.teachers import transfer_instances
+from repaint_cli.runs.plan import Plan
+from repaint_cli.settings import TransferConfig
+from repaint_cli.tasks.methods import METHODS
 
 
 def returns(*means, spread=0.0, n=4):

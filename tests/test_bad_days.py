@@ -10,22 +10,24 @@ import time
 from pathlib import Path
 
 import pytest
-from moody import card
+from failing_env import card
+from small_runs import QUICK, add_teacher
 from test_runs import record_of
-from tiny_runs import QUICK, add_teacher
 
-from repaint_cli import runs
 from repaint_cli.cli import session
 from repaint_cli.errors import CardError, DivergedError
-from repaint_cli.history import read_run
+from repaint_cli.runs import experiment
+from repaint_cli.runs.reader import read_run
 
-HERE = Path(__file__).parent
+FIXTURES = Path(__file__).parent / "fixtures"
 TRAIN = ["transfer", "--method", "scratch", "--task", "bad.toml", "--run", "run"]
 
 
 def process(words, **options):
     """Type a command as another process, from which the environments beside this file are seen."""
-    env = os.environ | {"PYTHONPATH": str(HERE), "OMP_NUM_THREADS": "1"} | options.pop("env", {})
+    env = (
+        os.environ | {"PYTHONPATH": str(FIXTURES), "OMP_NUM_THREADS": "1"} | options.pop("env", {})
+    )
     return subprocess.Popen(
         [sys.executable, "-m", "repaint_cli", *map(str, words)],
         env=env, stdout=subprocess.PIPE, stderr=subprocess.PIPE, **options,
@@ -78,7 +80,9 @@ def test_an_environment_that_never_ends_an_episode_is_refused(repaint, home):
     (home / "bad.toml").write_text(card(name="Endless"))
     said = repaint(*TRAIN)
     assert said.code == CardError.exit_code
-    assert "'moody:Endless-v0' has no time limit, so an evaluation might never end" in said.err
+    assert (
+        "'failing_env:Endless-v0' has no time limit, so an evaluation might never end" in said.err
+    )
     assert not (home / "run").exists()
 
 
@@ -177,13 +181,15 @@ def test_code_that_a_run_brings_along_waits_to_be_allowed(repaint, home, monkeyp
     for words in (["eval", "run"], ["transfer", "--resume", "run", "--iterations", 4]):
         said = repaint(*words)
         assert said.code == CardError.exit_code
-        assert "run would run the module of moody:Moody-v0, with which nothing was" in said.err
+        assert (
+            "run would run the module of failing_env:Failing-v0, with which nothing was" in said.err
+        )
         assert said.err.endswith("then: repaint tasks trust run\n")
     monkeypatch.setattr("typer.confirm", lambda question: False)
     assert repaint("tasks", "trust", "run").out == "nothing allowed\n"
     assert repaint("eval", "run").code == CardError.exit_code
     said = repaint("tasks", "trust", "run", "--yes")
-    assert said.out == "allowed: the module of moody:Moody-v0\n"
+    assert said.out == "allowed: the module of failing_env:Failing-v0\n"
     assert repaint("eval", "run", "--episodes", 1).code == 0
     assert repaint("transfer", "--resume", "run", "--iterations", 4).code == 0
     assert len((home / "somebody-else" / "trusted.txt").read_text().splitlines()) == 1
@@ -203,7 +209,7 @@ def test_what_is_half_written_is_nobody_else_s(repaint, home, monkeypatch):
         modes.add(os.fstat(handle).st_mode & 0o077)
         real(handle)
 
-    monkeypatch.setattr(runs.alone_in.__wrapped__.__globals__["os"], "fsync", fsync)
+    monkeypatch.setattr(experiment.alone_in.__wrapped__.__globals__["os"], "fsync", fsync)
     assert repaint(*TRAIN).code == 0
     assert 0 in modes
     assert modes <= {0, 0o055}  # files are ours alone; folders are synced, too

@@ -9,18 +9,19 @@ import torch
 from numpy.testing import assert_allclose
 from torch.testing import assert_close
 
-from repaint_cli.architecture import NetConfig
-from repaint_cli.config import PPOConfig
-from repaint_cli.distributions import Categorical, Gaussian
 from repaint_cli.errors import DivergedError
-from repaint_cli.learn import by_hand, update
-from repaint_cli.learn.advantages import Samples
-from repaint_cli.learn.dense_kernels import tanh
-from repaint_cli.learn.frames import Frames
-from repaint_cli.learn.optimizer import RowAdam
-from repaint_cli.learn.update import learn_from_instances, learn_on_policy
-from repaint_cli.nets import ActorCritic
-from repaint_cli.spaces import Spaces
+from repaint_cli.learn.rollout.gae import Samples
+from repaint_cli.learn.rollout.observations import Frames
+from repaint_cli.learn.update import epochs
+from repaint_cli.learn.update.adam import RowAdam
+from repaint_cli.learn.update.compiled import update as compiled
+from repaint_cli.learn.update.compiled.kernels import tanh
+from repaint_cli.learn.update.epochs import learn_from_instances, learn_on_policy
+from repaint_cli.policies.architecture import NetConfig
+from repaint_cli.policies.distributions import Categorical, Gaussian
+from repaint_cli.policies.networks import ActorCritic
+from repaint_cli.policies.spaces import Spaces
+from repaint_cli.settings import PPOConfig
 
 PLAIN = PPOConfig(
     compiled=False, n_epochs=3, minibatch_size=16, learning_rate=1e-2, ent_coef=0.03, vf_coef=0.7
@@ -90,7 +91,7 @@ def rngs(n=3):
 def both(discrete, net, learn):
     """Learn twice, plain and by hand; return what each told and who learned."""
     told, learned = [], []
-    for ppo, by_other_means in ((PLAIN, patch.object(by_hand, "learn")), (HAND, no_autograd())):
+    for ppo, by_other_means in ((PLAIN, patch.object(compiled, "learn")), (HAND, no_autograd())):
         student, optimizer = learner(discrete, net)
         with by_other_means as never:
             told.append(learn(student, optimizer, ppo))
@@ -100,7 +101,7 @@ def both(discrete, net, learn):
 
 
 def no_autograd():
-    return patch.object(update, "_step")
+    return patch.object(epochs, "_step")
 
 
 def assert_same(told, learned, atol=1e-5):
@@ -179,7 +180,7 @@ def test_updates_of_both_kinds_may_take_turns(discrete):
 
 def test_a_joint_update_is_the_plain_one():
     batch, kept = samples(False, 20, 20, 20), samples(False, 5, 4, 3, seed=5)
-    with patch.object(by_hand, "learn") as never:
+    with patch.object(compiled, "learn") as never:
         student, optimizer = learner(False)
         learn_on_policy(student, optimizer, batch, HAND, rngs(), instances=kept)
     never.assert_not_called()
@@ -244,7 +245,7 @@ def test_networks_without_tanh_learn_as_written(activation):
     net, batch = NET.model_copy(update={"activation": activation}), samples(False, 16, 16, 16)
     student, optimizer = learner(False, net)
     before = student.storage.clone()
-    with patch.object(by_hand, "learn") as never:
+    with patch.object(compiled, "learn") as never:
         learn_on_policy(student, optimizer, batch, HAND, rngs())
         learn_from_instances(student, optimizer, batch, HAND, rngs())
     never.assert_not_called()

@@ -5,17 +5,17 @@ import pytest
 import torch
 from safetensors import safe_open
 from safetensors.torch import save_file
-from tiny_learners import learner_of, stranger, taught_by, with_transfer
-from tiny_tasks import guess, reach
+from small_learners import learner_of, stranger, taught_by, with_transfer
+from small_tasks import guess, reach
 
-from repaint_cli.checkpoint import load, load_policy, policy_tensors, save
-from repaint_cli.config import TransferConfig
 from repaint_cli.errors import CheckpointError
-from repaint_cli.files import KEY
-from repaint_cli.learn.automatic import Measured
-from repaint_cli.learn.teachers import Teacher
-from repaint_cli.learn.trainer import train
-from repaint_cli.snapshot import load_learner, load_networks, save_learner
+from repaint_cli.files.headers import KEY
+from repaint_cli.learn.ppo import train
+from repaint_cli.learn.transfer.measured import Measured
+from repaint_cli.learn.transfer.teachers import Teacher
+from repaint_cli.policies.weights import load, load_policy, policy_tensors, save
+from repaint_cli.runs.checkpoint import load_learner, load_networks, save_learner
+from repaint_cli.settings import TransferConfig
 
 TASKS = pytest.mark.parametrize("make", [reach, guess])
 

@@ -9,17 +9,17 @@ import pytest
 import torch
 import typer
 from rich.console import Console
-from tiny_runs import QUICK, QUICK_LAP, add_teacher, files_below, weights_of
+from small_runs import QUICK, QUICK_LAP, add_teacher, files_below, weights_of
 
 from repaint_cli import __version__
-from repaint_cli.cards import read_task
 from repaint_cli.cli import examine, screen
 from repaint_cli.cli.app import app
 from repaint_cli.cli.options import parse_ratio, seed_list
 from repaint_cli.errors import RenderError
-from repaint_cli.plans import Plan
-from repaint_cli.runs import Experiment
-from repaint_cli.spaces import Spaces
+from repaint_cli.policies.spaces import Spaces
+from repaint_cli.runs.experiment import Experiment
+from repaint_cli.runs.plan import Plan
+from repaint_cli.tasks.card_files import read_task
 
 SCRATCH = ["transfer", "--task", "reacher", "--method", "scratch", *QUICK]
 

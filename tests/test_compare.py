@@ -9,11 +9,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from rich.console import Console
-from tiny_runs import QUICK, add_teacher
+from small_runs import QUICK, add_teacher
 
-from repaint_cli.cli import tables
+from repaint_cli.cli import comparison_table
 from repaint_cli.errors import NotFound
-from repaint_cli.report.comparison import COLUMNS, compare, record, reference_of
+from repaint_cli.runs.comparison import COLUMNS, compare, record, reference_of
 
 SCRATCH = ["transfer", "--task", "reacher", "--method", "scratch", *QUICK]
 
@@ -93,9 +93,9 @@ def test_a_record_is_strict_json():
 
 def test_tables_fit_80_columns_and_say_not_achieved(monkeypatch):
     screen = Console(file=io.StringIO(), width=80, highlight=False)
-    monkeypatch.setattr(tables, "out", screen)
+    monkeypatch.setattr(comparison_table, "out", screen)
     found, _ = standings(SLOW, QUICKER, LOST)
-    tables.print_comparison(found)
+    comparison_table.print_comparison(found)
     text = screen.file.getvalue()
     assert max(map(len, text.splitlines())) <= 80
     for words in ("target 4, the best mean of scratch", "60%", "not", "achieved", "0.1"):
@@ -109,7 +109,7 @@ def test_tables_fit_80_columns_and_say_not_achieved(monkeypatch):
     ("seconds", "said"), [(42.4, "42 s"), (186, "3.1 min"), (9000, "2.5 h"), (0.2, "0 s")]
 )
 def test_durations_are_read_at_a_glance(seconds, said):
-    assert tables.duration(seconds) == said
+    assert comparison_table.duration(seconds) == said
 
 
 @pytest.fixture

@@ -5,14 +5,14 @@ from math import inf, nan
 import pytest
 from pydantic import ValidationError
 
-from repaint_cli import config
-from repaint_cli.config import PPOConfig, SelectConfig, Settings, TransferConfig
-from repaint_cli.methods import METHODS
-from repaint_cli.simulators import GymEnv, RacerEnv
-from repaint_cli.tasks import TaskCard
-from repaint_cli.teacher_card import Score, TeacherCard
+from repaint_cli import settings
+from repaint_cli.envs.simulator import GymEnv, RacerEnv
+from repaint_cli.settings import PPOConfig, SelectConfig, Settings, TransferConfig
+from repaint_cli.tasks.methods import METHODS
+from repaint_cli.tasks.task import TaskCard
+from repaint_cli.zoo.teacher_card import Score, TeacherCard
 
-RECORDS = [part for part in vars(config).values() if isinstance(part, type)]
+RECORDS = [part for part in vars(settings).values() if isinstance(part, type)]
 RECORDS = [part for part in RECORDS if issubclass(part, Settings) and part is not Settings]
 RECORDS += [GymEnv, RacerEnv, TaskCard, Score, TeacherCard]
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from repaint_cli.cards import read_task, shipped_tasks
-from repaint_cli.simulators import RacerEnv
+from repaint_cli.envs.simulator import RacerEnv
+from repaint_cli.tasks.card_files import read_task, shipped_tasks
 
 N = 2
 ALWAYS_ALIVE = {"Ant-v5": 27}

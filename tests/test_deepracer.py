@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from repaint_cli.cards import read_task
-from repaint_cli.deepracer import hyperparameters, read_model_metadata
+from repaint_cli.envs.racer.deepracer.model_files import hyperparameters, read_model_metadata
 from repaint_cli.errors import CardError
+from repaint_cli.tasks.card_files import read_task
 
 REAL = Path(__file__).parents[2] / "shared" / "data" / "deepracer"
 TWO = [{"steering_angle": -20, "speed": 1.5}, {"steering_angle": "20", "speed": "0.7", "index": 1}]

@@ -9,7 +9,7 @@ from torch.distributions import Categorical as TorchCategorical
 from torch.distributions import Independent, Normal, kl_divergence
 from torch.testing import assert_close
 
-from repaint_cli.distributions import Categorical, Gaussian, blend, joined, side_by_side
+from repaint_cli.policies.distributions import Categorical, Gaussian, blend, joined, side_by_side
 
 seeds = st.integers(0, 2**32 - 1)
 

@@ -9,13 +9,14 @@ import re
 import numpy as np
 import pytest
 from safetensors.numpy import save_file
+from small_runs import QUICK, add_teacher, files_below
 from test_files import full_disk
-from tiny_runs import QUICK, add_teacher, files_below
 
-from repaint_cli import errors, files
-from repaint_cli.checkpoint import load, save
+from repaint_cli import errors
 from repaint_cli.cli.app import main
-from repaint_cli.spaces import Spaces
+from repaint_cli.files import atomic
+from repaint_cli.policies.spaces import Spaces
+from repaint_cli.policies.weights import load, save
 
 SCRATCH = ["transfer", "--task", "reacher", "--method", "scratch"]
 TRANSFER = ["transfer", "--task", "reacher", "--teacher", "old-hand"]
@@ -354,7 +355,7 @@ def test_a_full_disk_during_copy(repaint, home, monkeypatch):
     def fail(*_):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(files.os, "fsync", fail)
+    monkeypatch.setattr(atomic.os, "fsync", fail)
     words = ["tasks", "copy", "reacher", "mine.toml"]
     check(repaint, home, words, STORE, "cannot write mine.toml: No space left on device")
 

@@ -5,11 +5,11 @@ import pytest
 import torch
 from numpy.testing import assert_allclose, assert_array_equal
 
-from repaint_cli.cards import read_task
-from repaint_cli.envs.racer import STATUS
-from repaint_cli.evaluate import evaluate, spaces_of
+from repaint_cli.envs.racer.dynamics.rules import STATUS
+from repaint_cli.learn.evaluation import evaluate, spaces_of
 from repaint_cli.learn.seeding import Purpose, env_seeds
-from repaint_cli.nets import ActorCritic
+from repaint_cli.policies.networks import ActorCritic
+from repaint_cli.tasks.card_files import read_task
 
 SMALL = ["net.conv=[[4,8,8]]", "net.dense=8"]
 

@@ -10,14 +10,17 @@ from matplotlib.figure import Figure
 from numpy.testing import assert_allclose
 from PIL import Image
 
+from repaint_cli.envs.gymnasium.reacher import plot_reacher
+from repaint_cli.envs.racer import road
+from repaint_cli.envs.racer.deepracer.traces import Trace
+from repaint_cli.envs.racer.path_figure import plot_racer
+from repaint_cli.envs.racer.road import draw_road
+from repaint_cli.envs.racer.sweep import cell_of, sweep
+from repaint_cli.envs.racer.training_figures import plot_heatmap, plot_progress
 from repaint_cli.errors import StoreError
-from repaint_cli.report import look, road
+from repaint_cli.report import style
 from repaint_cli.report.curves import plot_curves, spread
-from repaint_cli.report.road import draw_road
-from repaint_cli.report.sweep import cell_of, sweep
-from repaint_cli.report.training import plot_heatmap, plot_progress
-from repaint_cli.report.trajectories import Paths, plot_racer, plot_reacher
-from repaint_cli.traces import Trace
+from repaint_cli.report.paths import Paths
 
 NAN = np.nan
 ANGLES = np.linspace(0, 2 * np.pi, 60)
@@ -30,9 +33,9 @@ OVAL = {"inner": RING * [3.0, 1.5], "centre": RING * [3.4, 1.9], "outer": RING *
 def drawn(monkeypatch) -> Iterator[list[Figure]]:
     """The figures saved during a test, still open to questions."""
     figures: list[Figure] = []
-    save = look.save
+    save = style.save
     monkeypatch.setattr(
-        look, "save", lambda figure, path: (save(figure, path), figures.append(figure))
+        style, "save", lambda figure, path: (save(figure, path), figures.append(figure))
     )
     return figures
 
@@ -67,7 +70,7 @@ def overhang(figure):
 def draw_every_kind(folder):
     plot_heatmap(training(), **OVAL, path=folder / "heat.png", title="racer-outer: repaint")
     plot_progress(training(), np.arange(1.0, 9.0), folder / "far.png", "racer-outer: repaint")
-    methods = {name: curves(best=300 + 20 * i) for i, name in enumerate(look.METHOD_COLOURS)}
+    methods = {name: curves(best=300 + 20 * i) for i, name in enumerate(style.METHOD_COLOURS)}
     progress = {name: np.clip(values / 4, 0, 100) for name, values in methods.items()}
     plot_curves(
         methods,
@@ -143,9 +146,9 @@ def test_little_data_is_no_error(shape, tmp_path):
 
 
 def test_a_method_keeps_its_colour_whatever_else_is_drawn():
-    alone = look.colours_of(["repaint"])
-    among = look.colours_of(["racer-inner", "kickstart", "repaint", "repaint ζ 0.4"])
-    assert among["repaint"] == alone["repaint"] == look.METHOD_COLOURS["repaint"]
+    alone = style.colours_of(["repaint"])
+    among = style.colours_of(["racer-inner", "kickstart", "repaint", "repaint ζ 0.4"])
+    assert among["repaint"] == alone["repaint"] == style.METHOD_COLOURS["repaint"]
     assert len(set(among.values())) == 4
 
 
@@ -231,7 +234,7 @@ def training(n_iterations=8, n_episodes=5):
 
 def greys_at(lines, points):
     """What colours the road has at some points, as hexadecimal texts."""
-    figure = look.new_figure(4, 4)
+    figure = style.new_figure(4, 4)
     axes = figure.subplots()
     draw_road(axes, *lines)
     axes.set(xlim=(-4, 4), ylim=(-4, 4))
@@ -324,7 +327,7 @@ def test_a_failure_leaves_the_old_file_and_no_scraps(tmp_path):
     path = tmp_path / "curves.png"
     path.write_text("old")
     with pytest.raises(RuntimeError, match="half way"):
-        look.save(Torn(), path)
+        style.save(Torn(), path)
     assert [entry.name for entry in tmp_path.iterdir()] == ["curves.png"]
     assert path.read_text() == "old"
 

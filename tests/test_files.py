@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from safetensors.numpy import save_file
 
-from repaint_cli import files
 from repaint_cli.errors import CheckpointError, StoreError
-from repaint_cli.files import read_header, sha256, write_text, written_whole
+from repaint_cli.files import atomic
+from repaint_cli.files.atomic import sha256, write_text, written_whole
+from repaint_cli.files.headers import read_header
 
 
 @contextmanager
@@ -54,7 +55,7 @@ def test_a_disk_that_fills_up_late_does_too(old, monkeypatch, function):
     def fail(*_):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(files.os, function, fail)
+    monkeypatch.setattr(atomic.os, function, fail)
     with pytest.raises(StoreError, match=r"cannot write .*some\.txt: No space left on device"):
         write_text(old, "new")
     assert untouched(old)

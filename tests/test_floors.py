@@ -1,79 +1,47 @@
-"""The house has floors: a module imports only from lower ones, or from its own package."""
+"""The house has floors: a package imports only from those that the table names."""
 
 import ast
-from itertools import pairwise
 
 import pytest
 
 from repaint_cli.paths import PACKAGE
 
-FLOORS = [
-    {"repaint_cli", "errors", "paths", "config", "kernels", "presets"},
-    {
-        "architecture",
-        "reading",
-        "envs",
-        "distributions",
-        "methods",
-        "normalizer",
-        "spaces",
-        "report.statistics",
-    },
-    {"simulators", "deepracer", "files"},
-    {"tasks", "nets"},
-    {"cards", "learn", "similarity", "reward_fit", "provenance"},
-    {"evaluate", "checkpoint", "history", "teacher_card"},
-    {"zoo", "metrics", "traces", "evaluations", "snapshot", "trust"},
-    {"simtrace", "plans", "model_card"},
-    {"teaching", "alarms", "measuring", "export"},
-    {"past"},
-    {"runs"},
-    {"report", "foreign", "verify"},
-    {"cli"},
-    {"__main__"},
-]
-"""From the cellar up: packages, or modules that live on another floor than their package."""
-
-KNOW_TORCH = {
-    "distributions",
-    "normalizer",
-    "nets",
-    "learn",
-    "checkpoint",
-    "evaluations",
-    "export",
-    "provenance",
-    "snapshot",
-    "teaching",
-    "runs",
-    "report",
-    "foreign",
+MAY_IMPORT = {
+    "ground": "",
+    "files": "ground",
+    "report": "ground files",
+    "envs": "ground files report",
+    "policies": "ground files",
+    "tasks": "ground files envs policies",
+    "learn": "ground envs tasks policies",
+    "zoo": "ground files tasks policies learn",
+    "runs": "ground files report envs tasks policies learn zoo",
+    "cli": "ground files report envs tasks policies learn zoo runs door",
+    "door": "ground envs tasks policies learn zoo runs cli",
 }
-"""All others leave it out, so that `repaint --help` and `repaint similarity` are quick."""
+"""Packages, the single files beside them (ground), and what users import and run (door)."""
 
-KNOW_NO_FILES = {"envs", "learn", "distributions", "normalizer", "nets", "report.statistics"}
+DOOR = {"__init__", "__main__"}
 
-MODULES = {
-    ".".join(path.relative_to(PACKAGE).with_suffix("").parts).removesuffix(".__init__"): path
-    for path in PACKAGE.rglob("*.py")
-    if "_data" not in path.parts
-}
-MODULES["repaint_cli"] = MODULES.pop("__init__")
+WITHOUT_TORCH = {"files", "report", "envs", "tasks", "cli"}
+"""So that `repaint --help` and `repaint similarity` are quick."""
 
-
-def home_of(module):
-    """The entry of FLOORS that a module belongs to, and its floor."""
-    for name in (module, module.partition(".")[0]):
-        for floor, homes in enumerate(FLOORS):
-            if name in homes:
-                return name, floor
-    raise AssertionError(f"{module} has no floor: add it to FLOORS")
+WITHOUT_FILES = {"learn"}
+"""The paper: given arrays, environments and networks, it yields what happened."""
 
 
-def imports_of(path):
-    """The modules of ours, and the libraries, that a file imports, wherever in the file."""
+def package_of(path):
+    """The row of the table that a file belongs to."""
+    first, *rest = path.relative_to(PACKAGE).with_suffix("").parts
+    if rest:
+        return first
+    return "door" if first in DOOR else "ground"
+
+
+def imports_of(source):
+    """The packages of ours, and the libraries, that a text imports, wherever it does."""
     ours, libraries = set(), set()
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in ast.walk(ast.parse(source)):
         if isinstance(node, ast.Import):
             names = [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
@@ -81,36 +49,62 @@ def imports_of(path):
         else:
             continue
         for name in names:
-            package, _, rest = name.partition(".")
-            if package != "repaint_cli":
-                libraries.add(package)
+            library, _, rest = name.partition(".")
+            if library != "repaint_cli":
+                libraries.add(library)
                 continue
-            parent = rest.rpartition(".")[0] or "repaint_cli"
-            ours.add(rest if rest in MODULES else parent)
+            first = rest.partition(".")[0]
+            if (PACKAGE / first).is_dir():
+                ours.add(first)
+            elif first == "__version__" or (PACKAGE / f"{first}.py").is_file():
+                ours.add("ground")
+            else:
+                ours.add("door")
     return ours, libraries
 
 
-@pytest.mark.parametrize("module", sorted(MODULES))
-def test_a_module_imports_only_from_below(module):
-    home, floor = home_of(module)
-    for other in imports_of(MODULES[module])[0]:
-        other_home, other_floor = home_of(other)
-        assert other_home == home or other_floor < floor, f"{module} imports {other}"
+FILES = {str(path.relative_to(PACKAGE)): path for path in PACKAGE.rglob("*.py")}
 
 
-@pytest.mark.parametrize("module", sorted(MODULES))
-def test_a_module_knows_only_what_its_trade_needs(module):
-    home, _ = home_of(module)
-    ours, libraries = imports_of(MODULES[module])
-    assert "torch" not in libraries or home in KNOW_TORCH, module
-    if home in KNOW_NO_FILES:
-        assert not ours & {"paths", "files"}
-        assert "pathlib" not in libraries
+def wrong_in(home, source):
+    """What a file of a package imports and may not."""
+    ours, libraries = imports_of(source)
+    wrong = ours - {home, *MAY_IMPORT[home].split()}
+    if home in WITHOUT_TORCH:
+        wrong |= libraries & {"torch"}
+    if home in WITHOUT_FILES:
+        wrong |= libraries & {"pathlib"}
+    return wrong
 
 
-def test_every_entry_is_there_once():
-    entries = [entry for floor in FLOORS for entry in floor]
-    assert len(entries) == len(set(entries))
-    packages = {module.partition(".")[0] for module in MODULES}
-    assert {entry.partition(".")[0] for entry in entries} == packages
-    assert all(not lower & upper for lower, upper in pairwise(FLOORS))
+@pytest.mark.parametrize("name", sorted(FILES))
+def test_a_file_imports_only_what_its_package_may(name):
+    path = FILES[name]
+    assert not wrong_in(package_of(path), path.read_text(encoding="utf-8"))
+
+
+@pytest.mark.parametrize(
+    ("home", "line", "wrong"),
+    [
+        ("learn", "from repaint_cli.runs.reader import read_run", "runs"),
+        ("learn", "from pathlib import Path", "pathlib"),
+        ("envs", "def f():\n    from repaint_cli.tasks import trust", "tasks"),
+        ("report", "from repaint_cli.envs.racer.road import draw_road", "envs"),
+        ("tasks", "import torch", "torch"),
+        ("ground", "from repaint_cli.files.atomic import write_text", "files"),
+    ],
+)
+def test_who_breaks_the_table_is_found(home, line, wrong):
+    assert wrong_in(home, line) == {wrong}
+
+
+def test_every_package_is_in_the_table_and_the_ground_is_small():
+    packages = {package_of(path) for path in FILES.values()}
+    assert packages == set(MAY_IMPORT)
+    single = [path for path in FILES.values() if path.parent == PACKAGE]
+    assert len(single) - 1 <= 7  # beside the package's own __init__
+
+
+def test_files_are_short():
+    long = [name for name, path in FILES.items() if len(path.read_text().splitlines()) > 250]
+    assert not long

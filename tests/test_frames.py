@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 import torch
 
-from repaint_cli.learn.frames import BLOCK, Frames, Store, each
+from repaint_cli.learn.rollout.observations import BLOCK, Frames, Store, each
 
 
 @pytest.mark.parametrize("dtype", [np.uint8, np.float64])

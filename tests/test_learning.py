@@ -2,15 +2,15 @@
 
 import numpy as np
 import pytest
-from tiny_learners import learner_of, taught_by, with_transfer
-from tiny_tasks import reach
+from small_learners import learner_of, taught_by, with_transfer
+from small_tasks import reach
 
-from repaint_cli import checkpoint
-from repaint_cli.config import TransferConfig
-from repaint_cli.evaluate import evaluate
-from repaint_cli.learn.trainer import train
-from repaint_cli.methods import METHODS
-from repaint_cli.nets import ActorCritic
+from repaint_cli.learn.evaluation import evaluate
+from repaint_cli.learn.ppo import train
+from repaint_cli.policies import weights
+from repaint_cli.policies.networks import ActorCritic
+from repaint_cli.settings import TransferConfig
+from repaint_cli.tasks.methods import METHODS
 
 SEEDS = list(range(8))
 TRANSFER = TransferConfig(kickstart_coef=1.0, teacher_min_std=0.4)
@@ -47,7 +47,7 @@ def teacher():
     student, _, returns = learned(12, seeds=[100], effort=0.2)
     assert returns[-1] > -3
     many = ActorCritic(student.spaces, student.net, len(SEEDS))
-    checkpoint.load_policy(many, checkpoint.policy_tensors(student, 0), "the teacher")
+    weights.load_policy(many, weights.policy_tensors(student, 0), "the teacher")
     return many
 
 

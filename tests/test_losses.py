@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from torch.testing import assert_close
 
-from repaint_cli.learn.losses import (
+from repaint_cli.learn.update.losses import (
     approx_kl,
     clipped_surrogate,
     log_likelihood,

@@ -9,16 +9,16 @@ from hypothesis.extra.numpy import arrays
 from torch import nn
 from torch.testing import assert_close
 
-from repaint_cli.architecture import NetConfig
-from repaint_cli.config import PPOConfig
 from repaint_cli.errors import CardError
-from repaint_cli.learn.advantages import Samples
-from repaint_cli.learn.frames import Frames
-from repaint_cli.learn.optimizer import RowAdam
-from repaint_cli.learn.update import learn_on_policy
-from repaint_cli.nets import ActorCritic, brightness
-from repaint_cli.normalizer import Normalizer
-from repaint_cli.spaces import Spaces
+from repaint_cli.learn.rollout.gae import Samples
+from repaint_cli.learn.rollout.observations import Frames
+from repaint_cli.learn.update.adam import RowAdam
+from repaint_cli.learn.update.epochs import learn_on_policy
+from repaint_cli.policies.architecture import NetConfig
+from repaint_cli.policies.networks import ActorCritic, brightness
+from repaint_cli.policies.normalizer import Normalizer
+from repaint_cli.policies.spaces import Spaces
+from repaint_cli.settings import PPOConfig
 
 VECTOR = Spaces((3,), 2, discrete=False)
 PICTURE = Spaces((24, 24, 1), 4, discrete=True)

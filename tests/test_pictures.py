@@ -6,14 +6,14 @@ from dataclasses import fields
 import numpy as np
 import pytest
 
-from repaint_cli.cards import read_task
-from repaint_cli.cli.played import laps
-from repaint_cli.envs.racer import STATUS
-from repaint_cli.evaluate import Episodes
-from repaint_cli.history import Run
-from repaint_cli.report import pictures
-from repaint_cli.simtrace import Simtrace, log_folders
-from repaint_cli.traces import Trace
+from repaint_cli.cli.episode_table import laps
+from repaint_cli.envs.racer.deepracer.simtrace import Simtrace, log_folders
+from repaint_cli.envs.racer.deepracer.traces import Trace
+from repaint_cli.envs.racer.dynamics.rules import STATUS
+from repaint_cli.learn.evaluation import Episodes
+from repaint_cli.runs import figures
+from repaint_cli.runs.reader import Run
+from repaint_cli.tasks.card_files import read_task
 
 T, E = 4, 3
 TASK = read_task("racer-inner")
@@ -24,7 +24,7 @@ def told(monkeypatch):
     """What the drawing functions were given, by their name."""
     given = {}
     for name in ("plot_racer", "plot_heatmap", "plot_progress"):
-        monkeypatch.setattr(pictures, name, lambda *args, name=name: given.update({name: args}))
+        monkeypatch.setattr(figures, name, lambda *args, name=name: given.update({name: args}))
     return given
 
 
@@ -43,7 +43,7 @@ def race():
 
 @pytest.mark.parametrize(("colour", "value"), [("speed", 0.7), ("reward", -1.0)])
 def test_paths_have_the_colour_asked_for_and_their_ends(told, tmp_path, colour, value):
-    assert pictures.draw_trajectories(TASK, [("a", race())], tmp_path / "t.png", "t", colour)
+    assert figures.draw_trajectories(TASK, [("a", race())], tmp_path / "t.png", "t", colour)
     (paths,), *_, unit = told["plot_racer"]
     assert (paths.values == value).all()
     assert paths.values.shape == (E, T)
@@ -63,7 +63,7 @@ def test_a_trainings_pictures_are_drawn_from_its_logs(told, tmp_path):
     log.train(3, ways[1:])
     record = {"seeds": [5, 6], "method": "scratch", "teacher": None}
     rows = {"eval_return": np.zeros((2, 3)), "eval_progress": np.array([[7.0, 8, 9], [0, 0, 0]])}
-    drawn = pictures._draw_training(Run(tmp_path, record, TASK, rows), "t")
+    drawn = figures._draw_training(Run(tmp_path, record, TASK, rows), "t")
     assert [path.name for path in drawn] == ["heatmap.png", "progress.png"]
     drives, evaluated, *_ = told["plot_progress"]
     assert [(k, trace.progress[-1]) for k, trace in drives] == [(1, 30), (3, 50)]

@@ -1,14 +1,12 @@
 import numpy as np
 import pytest
 import torch
-from tiny_learners import learner_of, stranger, taught_by, transferring, with_transfer
-from tiny_tasks import guess, reach
+from small_learners import learner_of, stranger, taught_by, transferring, with_transfer
+from small_tasks import guess, reach
 from torch.testing import assert_close
 
-from repaint_cli.config import QLearningConfig
 from repaint_cli.errors import CardError
-from repaint_cli.evaluate import evaluate
-from repaint_cli.learn.frames import Frames
+from repaint_cli.learn.evaluation import evaluate
 from repaint_cli.learn.q_learning import (
     Experience,
     _experience,
@@ -18,6 +16,8 @@ from repaint_cli.learn.q_learning import (
     remembered,
     train,
 )
+from repaint_cli.learn.rollout.observations import Frames
+from repaint_cli.settings import QLearningConfig
 
 Q = {"memory": 500, "gradient_steps": 20, "epsilon_iterations": 2}
 

@@ -3,12 +3,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import racer_reference as reference
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
-from repaint_cli.envs.racer import Track, bots, reference
-from repaint_cli.envs.racer.bots import SIDE, YAW, Bots, X, Y
+from repaint_cli.envs.racer.dynamics import bots
+from repaint_cli.envs.racer.dynamics.bots import SIDE, YAW, Bots, X, Y
+from repaint_cli.envs.racer.track.track import Track
 
 TRACKS = Path(__file__).parents[1] / "tasks" / "racer" / "tracks"
 STEP = 1 / 15

@@ -4,12 +4,22 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import racer_reference as reference
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
-from repaint_cli.envs.racer import Track, boxes, camera, encounters, ground, reference
-from repaint_cli.envs.racer.encounters import AT_FAULT, DISTANCE, HAZARDS, HIT, NEXT, NEXT_SEEN
+from repaint_cli.envs.racer.dynamics import encounters
+from repaint_cli.envs.racer.dynamics.encounters import (
+    AT_FAULT,
+    DISTANCE,
+    HAZARDS,
+    HIT,
+    NEXT,
+    NEXT_SEEN,
+)
+from repaint_cli.envs.racer.sight import boxes, camera, ground
+from repaint_cli.envs.racer.track.track import Track
 
 TRACKS = Path(__file__).parents[1] / "tasks" / "racer" / "tracks"
 LENGTH = 20.0

@@ -3,9 +3,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import racer_reference as reference
 from numpy.testing import assert_allclose, assert_array_equal
 
-from repaint_cli.envs.racer import Track, camera, ground, reference
+from repaint_cli.envs.racer.sight import camera, ground
+from repaint_cli.envs.racer.track.track import Track
 
 TRACKS = Path(__file__).parents[1] / "tasks" / "racer" / "tracks"
 STRAIGHT = 3.0  # y of the road's middle in `wide_box`

@@ -3,10 +3,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import racer_reference as reference
 from numpy.testing import assert_allclose
 
-from repaint_cli.envs.racer import reference
-from repaint_cli.envs.racer.car import (
+from repaint_cli.envs.racer.dynamics.car import (
     ACTIONS,
     CAR_PROFILES,
     FRONT_OFFSET,

@@ -3,8 +3,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from repaint_cli.envs.racer import STATUS, RacerVectorEnv, Track
-from repaint_cli.envs.racer.car import (
+from repaint_cli.envs.racer.dynamics.car import (
     ACTIONS,
     BODY,
     CAR_PROFILES,
@@ -13,7 +12,10 @@ from repaint_cli.envs.racer.car import (
     commands_of,
     drive_rows,
 )
-from repaint_cli.envs.racer.geometry import CENTRE_GAP, INNER_GAP, NDIST, OUTER_GAP, measure
+from repaint_cli.envs.racer.dynamics.rules import STATUS
+from repaint_cli.envs.racer.env import RacerVectorEnv
+from repaint_cli.envs.racer.track.geometry import CENTRE_GAP, INNER_GAP, NDIST, OUTER_GAP, measure
+from repaint_cli.envs.racer.track.track import Track
 
 TRACKS = Path(__file__).parents[1] / "tasks" / "racer" / "tracks"
 COMMANDS = commands_of(ACTIONS)

@@ -7,8 +7,11 @@ from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode
 from numpy.testing import assert_allclose, assert_array_equal
 
-from repaint_cli.envs.racer import STATUS, Noise, RacerVectorEnv, Track
-from repaint_cli.envs.racer.car import FRONT_OFFSET, STEP_SECONDS
+from repaint_cli.envs.racer.dynamics.car import FRONT_OFFSET, STEP_SECONDS
+from repaint_cli.envs.racer.dynamics.rules import STATUS
+from repaint_cli.envs.racer.env import RacerVectorEnv
+from repaint_cli.envs.racer.sight.noise import Noise
+from repaint_cli.envs.racer.track.track import Track
 
 ROOT = Path(__file__).parents[1]
 TERMS = {"lane", "keep", "dprog", "fail"}

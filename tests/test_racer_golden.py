@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from repaint_cli.envs.racer.bots import Bots
-from repaint_cli.envs.racer.fleet import Fleet
-from repaint_cli.envs.racer.sensors import Sensors
-from repaint_cli.simulators import load_track
+from repaint_cli.envs.racer.dynamics.bots import Bots
+from repaint_cli.envs.racer.dynamics.fleet import Fleet
+from repaint_cli.envs.racer.sight.sensors import Sensors
+from repaint_cli.envs.racer.track.files import load_track
 
 FOLDER = Path(__file__).parent / "golden"
 POSES = {

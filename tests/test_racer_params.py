@@ -6,11 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
+from racer_reference import line_project, locate
 
-from repaint_cli.envs.racer import RacerVectorEnv, Track
-from repaint_cli.envs.racer.car import FRONT_OFFSET
-from repaint_cli.envs.racer.params import Moment, closest_waypoints, params_of
-from repaint_cli.envs.racer.reference import line_project, locate
+from repaint_cli.envs.racer.deepracer.params import Moment, closest_waypoints, params_of
+from repaint_cli.envs.racer.dynamics.car import FRONT_OFFSET
+from repaint_cli.envs.racer.env import RacerVectorEnv
+from repaint_cli.envs.racer.track.track import Track
 
 ROOT = Path(__file__).parents[1]
 REAL = ROOT.parent / "shared" / "data" / "deepracer"

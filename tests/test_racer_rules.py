@@ -3,11 +3,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import racer_reference as reference
 from numpy.testing import assert_allclose, assert_array_equal
 
-from repaint_cli.envs.racer import STATUS, Track, reference, rules
-from repaint_cli.envs.racer.car import BODY, FRONT_OFFSET
-from repaint_cli.envs.racer.geometry import CENTRE_GAP, NDIST, ROAD_WIDTH, WHEELS_ON, measure
+from repaint_cli.envs.racer.dynamics import rules
+from repaint_cli.envs.racer.dynamics.car import BODY, FRONT_OFFSET
+from repaint_cli.envs.racer.dynamics.rules import STATUS
+from repaint_cli.envs.racer.track.geometry import CENTRE_GAP, NDIST, ROAD_WIDTH, WHEELS_ON, measure
+from repaint_cli.envs.racer.track.track import Track
 
 ROOT = Path(__file__).parents[1]
 REAL = ROOT.parent / "shared" / "data" / "deepracer"

@@ -2,11 +2,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import racer_reference as reference
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from repaint_cli.envs.racer import Track, geometry, reference
+from repaint_cli.envs.racer.track import geometry
+from repaint_cli.envs.racer.track.track import Track
 
 SHIPPED = sorted((Path(__file__).parents[1] / "tasks" / "racer" / "tracks").glob("*.npy"))
 REAL = Path(__file__).parents[2] / "shared" / "data" / "deepracer" / "tracks"

@@ -8,9 +8,12 @@ from gymnasium.spaces import Dict
 from gymnasium.vector import AutoresetMode
 from numpy.testing import assert_allclose, assert_array_equal
 
-from repaint_cli.envs.racer import STATUS, Noise, RacerVectorEnv, Track
-from repaint_cli.envs.racer.bots import SIDE, X, Y
-from repaint_cli.envs.racer.geometry import NDIST
+from repaint_cli.envs.racer.dynamics.bots import SIDE, X, Y
+from repaint_cli.envs.racer.dynamics.rules import STATUS
+from repaint_cli.envs.racer.env import RacerVectorEnv
+from repaint_cli.envs.racer.sight.noise import Noise
+from repaint_cli.envs.racer.track.geometry import NDIST
+from repaint_cli.envs.racer.track.track import Track
 
 TRACKS = Path(__file__).parents[1] / "tasks" / "racer" / "tracks"
 TERMS = ("clear", "hazard", "camlane")

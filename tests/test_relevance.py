@@ -3,10 +3,10 @@ import pytest
 import torch
 from numpy.testing import assert_allclose
 
-from repaint_cli.config import SelectConfig
-from repaint_cli.learn.frames import Frames
-from repaint_cli.learn.relevance import relevance
-from repaint_cli.learn.transitions import Transitions
+from repaint_cli.learn.rollout.observations import Frames
+from repaint_cli.learn.rollout.transitions import Transitions
+from repaint_cli.learn.transfer.relevance import relevance
+from repaint_cli.settings import SelectConfig
 
 
 def moves(*batches):

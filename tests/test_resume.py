@@ -4,18 +4,19 @@ import csv
 import json
 import signal
 
-import mortal
+import killed_runs
 import pytest
+from small_runs import QUICK, add_teacher, files_below
 from test_runs import SCRATCH, record_of, stopped_by
-from tiny_runs import QUICK, add_teacher, files_below
 
-from repaint_cli import checkpoint, runs
-from repaint_cli.checkpoint import load
 from repaint_cli.errors import CardError, CheckpointError, NotFound, StoreError, TeacherMismatch
-from repaint_cli.files import alone_in, sha256
-from repaint_cli.history import read_run
-from repaint_cli.plans import plan_of
-from repaint_cli.report.pictures import draw_run
+from repaint_cli.files.atomic import alone_in, sha256
+from repaint_cli.policies import weights
+from repaint_cli.policies.weights import load
+from repaint_cli.runs import experiment
+from repaint_cli.runs.figures import draw_run
+from repaint_cli.runs.plan import plan_of
+from repaint_cli.runs.reader import read_run
 
 CLOCK = {"seconds", "steps_per_second", "tstamp", "wall_clock"}
 
@@ -60,28 +61,28 @@ def assert_same(folder, other):
 )  # fmt: skip
 def test_a_run_killed_again_and_again_ends_as_an_undisturbed_one(tmp_path, kind, kills):
     (tmp_path / "calm").mkdir()
-    mortal.go_on(kind, tmp_path / "calm" / "run")
+    killed_runs.go_on(kind, tmp_path / "calm" / "run")
     deaths, fate, number = 0, 0, 0
     while deaths < kills:
         folder = tmp_path / f"wild-{number}" / "run"
         folder.parent.mkdir(exist_ok=True)
-        if mortal.killed(kind, folder, fate):
+        if killed_runs.killed(kind, folder, fate):
             deaths += 1
         else:
             assert_same(folder, tmp_path / "calm" / "run")
             number += 1
         fate += 1
-    mortal.go_on(kind, folder)
+    killed_runs.go_on(kind, folder)
     assert_same(folder, tmp_path / "calm" / "run")
 
 
 @pytest.mark.parametrize("kind", ["repaint", "q-learning"])
 def test_more_iterations_are_those_of_a_longer_run(tmp_path, kind):
     for name, n_iterations in (("long", 5), ("short", 3)):  # with the same teacher beside them
-        mortal.go_on(kind, tmp_path / name, n_iterations)
+        killed_runs.go_on(kind, tmp_path / name, n_iterations)
     short = read_run(tmp_path / "short")
     plan = plan_of(short.record, short.task, short.folder).for_iterations(5)
-    list(runs.Experiment(plan, resume=True).run())
+    list(experiment.Experiment(plan, resume=True).run())
     assert_same(plan.folder, tmp_path / "long")
 
 
@@ -111,7 +112,7 @@ def test_a_teacher_that_was_all_but_done(repaint, home, monkeypatch):
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr(runs, "score", stopped)
+        patch.setattr(experiment, "score", stopped)
         assert repaint(*words).code == 130
     mine = home / "home" / "zoo" / "mine.safetensors"
     assert not mine.exists()
@@ -149,7 +150,7 @@ def test_what_cannot_be_resumed_so(repaint, home, words, error, text):
 
 def rewritten(path, **changes):
     tensors, header = load(path)
-    checkpoint.save(path, tensors, {**header, **changes})
+    weights.save(path, tensors, {**header, **changes})
 
 
 def test_a_checkpoint_of_another_version_is_refused(repaint, home):

@@ -5,16 +5,16 @@ import json
 import shutil
 
 import pytest
+from small_runs import QUICK, QUICK_LAP, add_teacher, files_below
 from test_resume import assert_same, rewritten
 from test_runs import SCRATCH, record_of
-from tiny_runs import QUICK, QUICK_LAP, add_teacher, files_below
 
-from repaint_cli import past, runs
-from repaint_cli.checkpoint import load, save
 from repaint_cli.errors import CardError, CheckpointError, StoreError
-from repaint_cli.files import alone_in
+from repaint_cli.files.atomic import alone_in
 from repaint_cli.paths import shipped
-from repaint_cli.teacher_card import glance, read_card
+from repaint_cli.policies.weights import load, save
+from repaint_cli.runs import experiment, resume
+from repaint_cli.zoo.teacher_card import glance, read_card
 
 
 def spoil(path):
@@ -32,7 +32,7 @@ def test_a_fallback_keeps_the_checkpoint_that_it_stands_on(repaint, home, monkey
     repaint(*SCRATCH, "--iterations", 4, "--run", "calm")
     spoil(home / "run" / "checkpoint.safetensors")
     with monkeypatch.context() as patch:  # dies as it writes the next
-        patch.setattr(past, "save_learner", stop)
+        patch.setattr(resume, "save_learner", stop)
         assert repaint("transfer", "--resume", "run", "--iterations", 4).code == 130
     assert load(home / "run" / "checkpoint.safetensors")[1]["iteration"] == 2
     said = repaint("transfer", "--resume", "run", "--iterations", 4)
@@ -48,7 +48,7 @@ def test_a_fallback_keeps_the_checkpoint_that_it_stands_on(repaint, home, monkey
 
 @pytest.mark.parametrize("at", ["save_checkpoint", "add"])
 def test_the_best_policy_is_of_a_finished_iteration(repaint, home, monkeypatch, at):
-    where = runs if at == "save_checkpoint" else runs.zoo
+    where = experiment if at == "save_checkpoint" else experiment.store
     real, calls = getattr(where, at), []
 
     def stopped(*args, **kwargs):
@@ -68,7 +68,7 @@ def test_the_best_policy_is_of_a_finished_iteration(repaint, home, monkeypatch, 
 
 
 def test_an_interruption_of_the_last_steps_says_how_to_finish(repaint, home, monkeypatch):
-    monkeypatch.setattr(runs, "score", stop)
+    monkeypatch.setattr(experiment, "score", stop)
     said = repaint("train-teacher", "--task", "reacher", "--run", "run", *QUICK)
     assert said.code == 130
     command = "repaint train-teacher --resume run"
@@ -85,7 +85,7 @@ def test_a_file_system_without_locks_has_none(home, monkeypatch):
 
 
 def test_alarms_are_recorded_up_to_a_number(repaint, home, monkeypatch):
-    monkeypatch.setattr(past, "MOST_ALARMS", 3)
+    monkeypatch.setattr(resume, "MOST_ALARMS", 3)
     add_teacher(home / "home" / "zoo")
     words = ["transfer", "--teacher", "old-hand", "--task", "reacher", "--run", "run", *QUICK]
     said = repaint(*words, "--threshold", 1e9, "--iterations", 10, "--transfer-iterations", 10)
@@ -207,7 +207,7 @@ def test_a_folder_that_cannot_be_read_is_named(repaint, home, monkeypatch):
     def scandir(_):
         raise PermissionError(errno.EACCES, "Permission denied")
 
-    monkeypatch.setattr("repaint_cli.zoo.os.scandir", scandir)
+    monkeypatch.setattr("repaint_cli.zoo.store.os.scandir", scandir)
     said = repaint("zoo", "list")
     assert said.code == StoreError.exit_code
     assert said.err == f"error: cannot read {home}/home/zoo: Permission denied\n"
@@ -215,7 +215,7 @@ def test_a_folder_that_cannot_be_read_is_named(repaint, home, monkeypatch):
 
 @pytest.mark.parametrize("spoiled", [False, True])
 def test_a_name_that_is_taken_meanwhile_costs_no_policy(repaint, home, monkeypatch, spoiled):
-    real, other = runs.score, home / "home" / "zoo" / "mine.safetensors"
+    real, other = experiment.score, home / "home" / "zoo" / "mine.safetensors"
 
     def score(*args):  # while it is measured, another gets the name
         add_teacher(other.parent, "mine")
@@ -225,7 +225,7 @@ def test_a_name_that_is_taken_meanwhile_costs_no_policy(repaint, home, monkeypat
 
     words = ["train-teacher", "--task", "reacher", "--name", "mine", "--run", "run", *QUICK]
     with monkeypatch.context() as patch:
-        patch.setattr(runs, "score", score)
+        patch.setattr(experiment, "score", score)
         said = repaint(*words)
     before = other.read_bytes()
     assert said.code == StoreError.exit_code

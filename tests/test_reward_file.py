@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode
 
-from repaint_cli.cards import read_task
-from repaint_cli.envs.racer import RacerVectorEnv
-from repaint_cli.envs.racer.reward_file import RewardFile
+from repaint_cli.envs.racer.deepracer.reward_file import RewardFile
+from repaint_cli.envs.racer.env import RacerVectorEnv
+from repaint_cli.envs.racer.track.files import load_track
 from repaint_cli.errors import CardError
-from repaint_cli.similarity import cosine
-from repaint_cli.simulators import load_track
+from repaint_cli.tasks.card_files import read_task
+from repaint_cli.tasks.similarity import cosine
 
 CENTRE = """
 import math

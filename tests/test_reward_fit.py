@@ -5,17 +5,17 @@ import re
 
 import numpy as np
 import pytest
-from tiny_runs import add_teacher
+from small_runs import add_teacher
 
-from repaint_cli.cards import read_task
-from repaint_cli.envs.racer.car import commands_of
-from repaint_cli.envs.racer.fleet import Fleet
-from repaint_cli.envs.racer.rules import LAP_COMPLETE, OFF_TRACK
+from repaint_cli.envs.racer.dynamics.car import commands_of
+from repaint_cli.envs.racer.dynamics.fleet import Fleet
+from repaint_cli.envs.racer.dynamics.rules import LAP_COMPLETE, OFF_TRACK
+from repaint_cli.envs.racer.track.files import load_track
 from repaint_cli.envs.racer.wander import wander
-from repaint_cli.evaluate import spaces_of
-from repaint_cli.reward_fit import fit, weighed
-from repaint_cli.similarity import cosine, relation
-from repaint_cli.simulators import load_track
+from repaint_cli.learn.evaluation import spaces_of
+from repaint_cli.tasks.card_files import read_task
+from repaint_cli.tasks.reward_fit import fit, weighed
+from repaint_cli.tasks.similarity import cosine, relation
 
 LANES = """
 def reward_function(params):

@@ -4,14 +4,14 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
-from tiny_tasks import guess, reach, scripted
+from small_tasks import guess, reach, scripted
 from torch.testing import assert_close
 
-from repaint_cli.distributions import Categorical, Gaussian
 from repaint_cli.errors import DivergedError
-from repaint_cli.learn.frames import Frames
-from repaint_cli.learn.rollout import collect, start
+from repaint_cli.learn.rollout.collect import collect, start
+from repaint_cli.learn.rollout.observations import Frames
 from repaint_cli.learn.seeding import Purpose
+from repaint_cli.policies.distributions import Categorical, Gaussian
 
 NAN = float("nan")
 

@@ -13,24 +13,24 @@ import numpy as np
 import pytest
 import torch
 from gymnasium.spaces import Box
-from tiny_runs import QUICK, QUICK_LAP, add_teacher, files_below, weights_of
+from small_runs import QUICK, QUICK_LAP, add_teacher, files_below, weights_of
 
-from repaint_cli import past, runs
-from repaint_cli.cards import read_task
-from repaint_cli.checkpoint import load
 from repaint_cli.cli.tasks import to_toml
 from repaint_cli.errors import CardError, CheckpointError, DivergedError, NotFound
-from repaint_cli.evaluate import spaces_of
-from repaint_cli.files import sha256
-from repaint_cli.history import newest_run, read_run
-from repaint_cli.learn.dense import Place
-from repaint_cli.learn.optimizer import RowAdam
-from repaint_cli.metrics import COLUMNS
-from repaint_cli.nets import ActorCritic
-from repaint_cli.plans import Plan
-from repaint_cli.snapshot import load_networks
-from repaint_cli.tasks import TaskCard
-from repaint_cli.teacher_card import read_card
+from repaint_cli.files.atomic import sha256
+from repaint_cli.learn.evaluation import spaces_of
+from repaint_cli.learn.update.adam import RowAdam
+from repaint_cli.learn.update.compiled.views import Place
+from repaint_cli.policies.networks import ActorCritic
+from repaint_cli.policies.weights import load
+from repaint_cli.runs import experiment, resume
+from repaint_cli.runs.checkpoint import load_networks
+from repaint_cli.runs.metrics import COLUMNS
+from repaint_cli.runs.plan import Plan
+from repaint_cli.runs.reader import newest_run, read_run
+from repaint_cli.tasks.card_files import read_task
+from repaint_cli.tasks.task import TaskCard
+from repaint_cli.zoo.teacher_card import read_card
 
 SCRATCH = ["transfer", "--method", "scratch", "--task", "reacher", "--run", "run", *QUICK]
 ALWAYS = {
@@ -133,14 +133,14 @@ def test_a_students_file_names_its_teachers_hash_and_is_a_teacher(repaint, home)
 def test_an_interruption_before_the_first_iteration_is_on_record(home, monkeypatch):
     path = add_teacher(home / "home" / "zoo")
     card = read_task("reacher").with_settings(["transfer.phases=auto", "eval.episodes=2"])
-    experiment = runs.Experiment(Plan(card, "repaint", [0], home / "run", (path,)))
+    run = experiment.Experiment(Plan(card, "repaint", [0], home / "run", (path,)))
 
     def interrupt(*args):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(runs, "measure", interrupt)
+    monkeypatch.setattr(experiment, "measure", interrupt)
     with pytest.raises(KeyboardInterrupt):
-        next(experiment.run())
+        next(run.run())
     assert record_of(home / "run")["state"] == "interrupted"
 
 
@@ -207,7 +207,7 @@ def same_policies(folder):
 
 @pytest.mark.parametrize("during", ["evaluate", "append_csv"])
 def test_ctrl_c_keeps_the_last_finished_iteration(repaint, home, monkeypatch, during):
-    calls, real = [], getattr(runs, during)
+    calls, real = [], getattr(experiment, during)
 
     def stopped(*args, **kwargs):
         calls.append(args)
@@ -215,7 +215,7 @@ def test_ctrl_c_keeps_the_last_finished_iteration(repaint, home, monkeypatch, du
             raise KeyboardInterrupt
         return real(*args, **kwargs)
 
-    monkeypatch.setattr(runs, during, stopped)
+    monkeypatch.setattr(experiment, during, stopped)
     said = repaint(*SCRATCH, "--iterations", 5)
     assert said.code == 130
     assert "interrupted after iteration 2" in said.out
@@ -231,7 +231,7 @@ def test_ctrl_c_before_the_first_iteration_ends_says_so(repaint, home, monkeypat
     def stopped(*args):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(runs, "evaluate", stopped)
+    monkeypatch.setattr(experiment, "evaluate", stopped)
     said = repaint(*SCRATCH)
     assert (said.code, said.err) == (130, "")
     assert "interrupted after iteration 0" in said.out
@@ -341,18 +341,18 @@ def test_weights_that_diverge_stop_the_run_and_keep_the_last_good_checkpoint(
 
 
 def test_a_checkpoint_that_cannot_be_written_leaves_the_last_one(repaint, home, monkeypatch):
-    real, before = past.save_learner, {}
+    real, before = resume.save_learner, {}
 
     def fails_the_second_time(path, *rest):
         if path.exists():
             before.update(files_below(path.parent))
-            monkeypatch.setattr("repaint_cli.files.os.fsync", no_space)
+            monkeypatch.setattr("repaint_cli.files.atomic.os.fsync", no_space)
         real(path, *rest)
 
     def no_space(_):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(past, "save_learner", fails_the_second_time)
+    monkeypatch.setattr(resume, "save_learner", fails_the_second_time)
     said = repaint(*SCRATCH)
     assert said.code == 7
     assert said.err.startswith("error: cannot write run/")

@@ -1,8 +1,8 @@
 import pytest
 
-from repaint_cli.config import PPOConfig, SelectConfig, TransferConfig
-from repaint_cli.learn.schedules import alphas, kickstart_coefs, phase, ppo, threshold
-from repaint_cli.methods import METHODS
+from repaint_cli.learn.transfer.schedules import alphas, kickstart_coefs, phase, ppo, threshold
+from repaint_cli.settings import PPOConfig, SelectConfig, TransferConfig
+from repaint_cli.tasks.methods import METHODS
 
 LETTERS = {"ppo": "p", "critic": "c", "representation": "R", "instance": "I", "joint": "J"}
 

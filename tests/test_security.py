@@ -7,11 +7,11 @@ import subprocess
 import sys
 
 import pytest
-from tiny_runs import QUICK, QUICK_LAP, add_teacher
+from small_runs import QUICK, QUICK_LAP, add_teacher
 
-from repaint_cli import past
-from repaint_cli.files import UMASK
+from repaint_cli.files.atomic import UMASK
 from repaint_cli.paths import PACKAGE
+from repaint_cli.runs import resume
 
 ROOT = PACKAGE.parent
 SILENT = """
@@ -133,14 +133,14 @@ def test_every_dependency_has_a_pin():
 
 
 def test_folders_for_what_is_unfinished_are_ours_alone(home, monkeypatch):
-    modes, start = [], past.start_csv
+    modes, start = [], resume.start_csv
 
     def started(path):
         modes.append(path.parent.stat().st_mode & 0o777)
         start(path)
 
-    monkeypatch.setattr(past, "start_csv", started)
-    past.claim(home / "run", {})
+    monkeypatch.setattr(resume, "start_csv", started)
+    resume.claim(home / "run", {})
     assert modes == [0o700]
     assert (home / "run").stat().st_mode & 0o777 == 0o777 & ~UMASK
     assert not list(home.glob(".*"))

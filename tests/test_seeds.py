@@ -3,13 +3,13 @@ from itertools import product
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
-from tiny_learners import learner_of, stranger, trained, with_transfer
-from tiny_tasks import guess, reach
+from small_learners import learner_of, stranger, trained, with_transfer
+from small_tasks import guess, reach
 
-from repaint_cli.config import TransferConfig
-from repaint_cli.evaluate import evaluate
+from repaint_cli.learn.evaluation import evaluate
+from repaint_cli.learn.ppo import train
 from repaint_cli.learn.seeding import Purpose, env_seeds, generator
-from repaint_cli.learn.trainer import train
+from repaint_cli.settings import TransferConfig
 
 SEEDS = [0, 1, 2, 3, 4]
 TASKS = {

@@ -5,10 +5,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from torch.testing import assert_close
 
-from repaint_cli.config import SelectConfig
-from repaint_cli.learn.advantages import Samples
-from repaint_cli.learn.frames import Frames
-from repaint_cli.learn.selection import (
+from repaint_cli.learn.rollout.gae import Samples
+from repaint_cli.learn.rollout.observations import Frames
+from repaint_cli.learn.transfer.selection import (
     above_threshold,
     drawn,
     moments,
@@ -17,6 +16,7 @@ from repaint_cli.learn.selection import (
     select,
     standardize,
 )
+from repaint_cli.settings import SelectConfig
 
 NAN = float("nan")
 numbers = st.floats(-100, 100, width=32)

@@ -7,10 +7,10 @@ from shutil import copyfile
 
 import pytest
 
-from repaint_cli.cards import read_task, shipped_tasks
-from repaint_cli.similarity import cosine, relation
-from repaint_cli.tasks import TaskCard
-from repaint_cli.zoo import teachers
+from repaint_cli.tasks.card_files import read_task, shipped_tasks
+from repaint_cli.tasks.similarity import cosine, relation
+from repaint_cli.tasks.task import TaskCard
+from repaint_cli.zoo.store import teachers
 
 ANT = ("forward", "survive", "ctrl", "contact")
 MULTI_CAR = ("keep", "clear", "hazard", "camlane", "dprog", "fail")

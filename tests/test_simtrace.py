@@ -7,16 +7,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
-from tiny_runs import QUICK_LAP
+from small_runs import QUICK_LAP
 
-from repaint_cli.cards import read_task
-from repaint_cli.deepracer import read_hyperparameters, read_model_metadata
-from repaint_cli.envs.racer import STATUS
+from repaint_cli.envs.racer.deepracer.model_files import read_hyperparameters, read_model_metadata
+from repaint_cli.envs.racer.deepracer.simtrace import (
+    COLUMNS,
+    Simtrace,
+    read_simtrace,
+    read_training,
+)
+from repaint_cli.envs.racer.deepracer.traces import Trace, driven
+from repaint_cli.envs.racer.dynamics.rules import STATUS
+from repaint_cli.envs.racer.track.files import load_track
 from repaint_cli.errors import StoreError
-from repaint_cli.simtrace import COLUMNS, Simtrace, read_simtrace, read_training
-from repaint_cli.simulators import load_track
-from repaint_cli.tasks import RewardCode
-from repaint_cli.traces import Trace, driven
+from repaint_cli.tasks.card_files import read_task
+from repaint_cli.tasks.task import RewardCode
 
 REAL = Path(__file__).parents[2] / "shared" / "data" / "deepracer" / "logs"
 ALONE = ("training-simtrace/0-iteration.csv", "metrics/TrainingMetrics.json")

@@ -7,12 +7,12 @@ from shutil import copyfile
 import gymnasium
 import numpy as np
 import pytest
-from tiny_tasks import Reach, guess, reach
+from small_tasks import Reach, guess, reach
 
-from repaint_cli.cards import read_task, shipped_tasks
 from repaint_cli.cli.tasks import to_toml
 from repaint_cli.errors import CardError, NotFound
-from repaint_cli.tasks import TaskCard
+from repaint_cli.tasks.card_files import read_task, shipped_tasks
+from repaint_cli.tasks.task import TaskCard
 
 TRACKS = Path(__file__).parents[1] / "tasks" / "racer" / "tracks"
 REAL = Path(__file__).parents[2] / "shared" / "data" / "deepracer" / "tracks"

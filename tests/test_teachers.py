@@ -6,19 +6,19 @@ import numpy as np
 import pytest
 import torch
 from numpy.testing import assert_array_equal
-from tiny_learners import learner_of, stranger, taught_by, trained, transferring, with_transfer
-from tiny_tasks import guess, reach
+from small_learners import learner_of, stranger, taught_by, trained, transferring, with_transfer
+from small_tasks import guess, reach
 from torch.testing import assert_close
 
-from repaint_cli.config import SelectConfig
-from repaint_cli.distributions import Gaussian
-from repaint_cli.learn import students
-from repaint_cli.learn import teachers as teachers_module
-from repaint_cli.learn.advantages import describe, to_samples
-from repaint_cli.learn.batches import share_of
-from repaint_cli.learn.objectives import instance_loss, representation_loss
-from repaint_cli.learn.teachers import Teacher, advise, transfer_instances
-from repaint_cli.learn.trainer import train
+from repaint_cli.learn import on_policy
+from repaint_cli.learn.ppo import train
+from repaint_cli.learn.rollout.batches import share_of
+from repaint_cli.learn.rollout.gae import describe, to_samples
+from repaint_cli.learn.transfer import teachers as teachers_module
+from repaint_cli.learn.transfer.teachers import Teacher, advise, transfer_instances
+from repaint_cli.learn.update.objectives import instance_loss, representation_loss
+from repaint_cli.policies.distributions import Gaussian
+from repaint_cli.settings import SelectConfig
 
 TASKS = pytest.mark.parametrize("make", [reach, guess])
 
@@ -229,13 +229,13 @@ def test_advantages_after_the_critics_fit_are_other_advantages():
 
 
 def test_whole_episodes_are_cut_to_the_steps_asked_for_once_advantages_are_known(monkeypatch):
-    batches, learn = [], students.learn_on_policy
+    batches, learn = [], on_policy.learn_on_policy
 
     def spy(student, optimizer, batch, *args, **kwargs):
         batches.append(batch)
         return learn(student, optimizer, batch, *args, **kwargs)
 
-    monkeypatch.setattr(students, "learn_on_policy", spy)
+    monkeypatch.setattr(on_policy, "learn_on_policy", spy)
     task = reach(n_iterations=1, n_steps=70, n_envs=1, whole_episodes=True, minibatch_size=1000)
     learner = learner_of(task, [0])
     (stat,) = train(task, learner)

@@ -3,7 +3,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 import torch
-from tiny_learners import (
+from small_learners import (
     learner_of,
     spaces_of,
     stranger,
@@ -12,20 +12,20 @@ from tiny_learners import (
     transferring,
     with_transfer,
 )
-from tiny_tasks import guess, reach
+from small_tasks import guess, reach
 from torch.testing import assert_close
 
-from repaint_cli.config import TransferConfig
 from repaint_cli.errors import CardError, DivergedError
 from repaint_cli.learn import learner as learner_module
-from repaint_cli.learn import teachers as teachers_module
-from repaint_cli.learn import update
-from repaint_cli.learn.advantages import describe, to_samples
-from repaint_cli.learn.selection import moments
-from repaint_cli.learn.teachers import soften, transfer_instances
-from repaint_cli.learn.trainer import train
-from repaint_cli.methods import METHODS
-from repaint_cli.nets import ActorCritic
+from repaint_cli.learn.ppo import train
+from repaint_cli.learn.rollout.gae import describe, to_samples
+from repaint_cli.learn.transfer import teachers as teachers_module
+from repaint_cli.learn.transfer.selection import moments
+from repaint_cli.learn.transfer.teachers import soften, transfer_instances
+from repaint_cli.learn.update import epochs
+from repaint_cli.policies.networks import ActorCritic
+from repaint_cli.settings import TransferConfig
+from repaint_cli.tasks.methods import METHODS
 
 TASKS = pytest.mark.parametrize("make", [reach, guess])
 NOTHING = 1e9
@@ -315,13 +315,13 @@ def test_teacher_samples_carry_the_softened_teachers_log_probs(make, spread):
 
 
 def test_the_softened_teacher_is_what_is_imitated(monkeypatch):
-    task, seen, loss = reach(n_iterations=1, compiled=False), [], update.representation_loss
+    task, seen, loss = reach(n_iterations=1, compiled=False), [], epochs.representation_loss
 
     def spy(student, batch, teacher, *rest):
         seen.append(teacher)
         return loss(student, batch, teacher, *rest)
 
-    monkeypatch.setattr(update, "representation_loss", spy)
+    monkeypatch.setattr(epochs, "representation_loss", spy)
     trained(task, teacher=stranger(task), teacher_min_std=2.0)
     assert seen
     for teacher in seen:

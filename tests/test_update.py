@@ -8,19 +8,25 @@ from hypothesis import given
 from hypothesis import strategies as st
 from torch.testing import assert_close
 
-from repaint_cli.architecture import NetConfig
-from repaint_cli.config import PPOConfig
-from repaint_cli.distributions import Gaussian
 from repaint_cli.errors import DivergedError
-from repaint_cli.learn import update
-from repaint_cli.learn.advantages import Samples
-from repaint_cli.learn.batches import front
-from repaint_cli.learn.frames import Frames
-from repaint_cli.learn.objectives import instance_loss, masked_mean, representation_loss
-from repaint_cli.learn.optimizer import RowAdam
-from repaint_cli.learn.update import Means, learn_from_instances, learn_on_policy, part, shuffle
-from repaint_cli.nets import ActorCritic
-from repaint_cli.spaces import Spaces
+from repaint_cli.learn.rollout.batches import front
+from repaint_cli.learn.rollout.gae import Samples
+from repaint_cli.learn.rollout.observations import Frames
+from repaint_cli.learn.update import epochs
+from repaint_cli.learn.update.adam import RowAdam
+from repaint_cli.learn.update.epochs import (
+    Means,
+    learn_from_instances,
+    learn_on_policy,
+    part,
+    shuffle,
+)
+from repaint_cli.learn.update.objectives import instance_loss, masked_mean, representation_loss
+from repaint_cli.policies.architecture import NetConfig
+from repaint_cli.policies.distributions import Gaussian
+from repaint_cli.policies.networks import ActorCritic
+from repaint_cli.policies.spaces import Spaces
+from repaint_cli.settings import PPOConfig
 
 PPO = PPOConfig(
     compiled=False, n_epochs=2, minibatch_size=4, learning_rate=1e-2, ent_coef=0.03, vf_coef=0.7
@@ -373,13 +379,13 @@ def test_each_sample_meets_the_teacher_at_its_own_observation(monkeypatch):
     # the teacher's mean at sample i is i; whatever the order, row and mean belong together
     samples = samples_of(9, 6)
     means = samples.rows.float().unsqueeze(-1).expand(2, 9, 2)
-    pairs, loss = [], update.representation_loss
+    pairs, loss = [], epochs.representation_loss
 
     def spy(student, batch, teacher, *rest):
         pairs.append((batch.rows.float(), teacher.mean[..., 0]))
         return loss(student, batch, teacher, *rest)
 
-    monkeypatch.setattr(update, "representation_loss", spy)
+    monkeypatch.setattr(epochs, "representation_loss", spy)
     student, teacher = drawn(2), Gaussian(means, torch.zeros(2, 1, 2))
     optimizer = optimizer_of(student)
     learn_on_policy(student, optimizer, samples, PPO, generators(2), teacher=teacher, beta=1.0)

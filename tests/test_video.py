@@ -11,14 +11,12 @@ import imageio_ffmpeg
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
+from racer_reference import scan
 
-from repaint_cli.envs.racer.boxes import BEAM_X, LENGTH, WIDTH
-from repaint_cli.envs.racer.car import FRONT_OFFSET
-from repaint_cli.envs.racer.reference import scan
-from repaint_cli.errors import RenderError, StoreError
-from repaint_cli.report import offscreen
-from repaint_cli.report.offscreen import Episode, find_renderer, frames, render_gym
-from repaint_cli.report.racer_film import (
+from repaint_cli.envs.gymnasium import film
+from repaint_cli.envs.gymnasium.film import Episode, find_renderer, frames, render_gym
+from repaint_cli.envs.racer.dynamics.car import FRONT_OFFSET
+from repaint_cli.envs.racer.film import (
     CAR_COLOUR,
     HEIGHT,
     MAP_WIDTH,
@@ -27,6 +25,8 @@ from repaint_cli.report.racer_film import (
     beam_ends,
     racer_frames,
 )
+from repaint_cli.envs.racer.sight.boxes import BEAM_X, LENGTH, WIDTH
+from repaint_cli.errors import RenderError, StoreError
 from repaint_cli.report.video import CAPTION_HEIGHT, caption, write_video
 
 ANGLES = np.linspace(0, 2 * np.pi, 60)
@@ -182,7 +182,7 @@ def test_episodes_are_replayed_from_their_seeds_until_they_end():
 
 def test_actions_reach_the_child_bit_for_bit():
     actions = np.random.default_rng(0).normal(size=(50, 3))
-    sent = json.loads(json.dumps(offscreen._as_json(Episode(3, actions))))
+    sent = json.loads(json.dumps(film._as_json(Episode(3, actions))))
     assert_array_equal(np.asarray(sent["actions"]), actions)
 
 
@@ -191,7 +191,7 @@ def no_renderer(monkeypatch):
     """A machine where every probe fails, as without libEGL."""
     find_renderer.cache_clear()
     failed = subprocess.CompletedProcess([], 1, "", "")
-    monkeypatch.setattr(offscreen, "_child", lambda *_: failed)
+    monkeypatch.setattr(film, "_child", lambda *_: failed)
     yield
     find_renderer.cache_clear()
 
@@ -213,7 +213,7 @@ def test_a_probe_that_hangs_or_fails_moves_on_to_the_next(monkeypatch):
         return subprocess.CompletedProcess([], 0, "", "")
 
     find_renderer.cache_clear()
-    monkeypatch.setattr(offscreen, "_child", child)
+    monkeypatch.setattr(film, "_child", child)
     monkeypatch.delenv("MUJOCO_GL", raising=False)
     assert [find_renderer(), find_renderer()] == ["osmesa", "osmesa"]
     assert asked == ["egl", "osmesa"]

@@ -5,15 +5,15 @@ import re
 
 import pytest
 import torch
-from tiny_runs import REACHER, add_teacher, weights_of
+from small_runs import REACHER, add_teacher, weights_of
 
-from repaint_cli import zoo
-from repaint_cli.cards import read_task, shipped_tasks
 from repaint_cli.errors import CheckpointError, NotFound, RepaintError, StoreError, TeacherMismatch
-from repaint_cli.nets import ActorCritic
 from repaint_cli.paths import shipped
-from repaint_cli.spaces import Spaces
-from repaint_cli.teacher_card import check_name, read_card
+from repaint_cli.policies.networks import ActorCritic
+from repaint_cli.policies.spaces import Spaces
+from repaint_cli.tasks.card_files import read_task, shipped_tasks
+from repaint_cli.zoo import store
+from repaint_cli.zoo.teacher_card import check_name, read_card
 
 SHIPPED = sorted(shipped("zoo").glob("*.safetensors"))
 
@@ -31,8 +31,8 @@ def test_a_teacher_acts_after_loading_as_it_did_before_to_the_bit(folder):
     for s in range(3):
         network.normalizer.update(s, obs[s] * (s + 1) + s)
     card = read_card(add_teacher(folder))
-    path = zoo.add(network, 1, card, folder)
-    loaded, read = zoo.load_teacher(path, n_seeds=2)
+    path = store.add(network, 1, card, folder)
+    loaded, read = store.load_teacher(path, n_seeds=2)
     with torch.no_grad():
         before, after = network.policy(obs), loaded.policy(obs[1].expand(2, -1, -1))
         values, read_values = network.value(obs), loaded.value(obs[1].expand(2, -1, -1))
@@ -46,17 +46,17 @@ def test_a_teacher_acts_after_loading_as_it_did_before_to_the_bit(folder):
 def test_the_users_teacher_comes_before_a_shipped_one_of_the_same_name(home, folder, monkeypatch):
     theirs = add_teacher(home / "shipped", "twin")
     other = add_teacher(home / "shipped", "other")
-    monkeypatch.setattr(zoo, "shipped", lambda kind: home / kind.replace("zoo", "shipped"))
-    assert zoo.teachers() == {"other": other, "twin": theirs}
+    monkeypatch.setattr(store, "shipped", lambda kind: home / kind.replace("zoo", "shipped"))
+    assert store.teachers() == {"other": other, "twin": theirs}
     mine = add_teacher(folder, "twin")
-    assert zoo.find("twin") == mine
-    assert zoo.find("other") == other
-    assert zoo.find(str(theirs)) == theirs
+    assert store.find("twin") == mine
+    assert store.find("other") == other
+    assert store.find(str(theirs)) == theirs
 
 
 def test_half_written_files_are_no_teachers(folder):
     add_teacher(folder).rename(folder / ".old-hand-x.safetensors")
-    assert not [path for path in zoo.teachers().values() if path.parent == folder]
+    assert not [path for path in store.teachers().values() if path.parent == folder]
 
 
 @pytest.mark.parametrize("name", ["", "../x", "a b", ".hidden", "x" * 65, "é", "a/b"])
@@ -73,9 +73,9 @@ def test_other_names_are_fine(name):
 def test_an_unknown_teacher_has_its_neighbours_named(folder):
     add_teacher(folder, "old-hand")
     with pytest.raises(NotFound, match="unknown teacher 'oldhand'; did you mean old-hand"):
-        zoo.find("oldhand")
+        store.find("oldhand")
     with pytest.raises(NotFound, match=r"unknown teacher 'no\.safetensors'"):
-        zoo.find("no.safetensors")
+        store.find("no.safetensors")
 
 
 def test_a_teacher_of_other_spaces_is_refused_with_both_and_who_fits(folder):
@@ -87,14 +87,14 @@ def test_a_teacher_of_other_spaces_is_refused_with_both_and_who_fits(folder):
         "10 observations and 2 continuous actions; teachers that fit: .*fits"
     )
     with pytest.raises(TeacherMismatch, match=message):
-        zoo.check_fits([read_card(small)], read_task("reacher"), REACHER)
+        store.check_fits([read_card(small)], read_task("reacher"), REACHER)
 
 
 def test_a_teacher_of_other_reward_terms_is_refused(folder):
     path = add_teacher(folder, "run", settings=["reward.run=1"])
     message = "'run' knows the reward terms reward_dist, reward_ctrl, run, task 'reacher' has"
     with pytest.raises(TeacherMismatch, match=message):
-        zoo.check_fits([read_card(path)], read_task("reacher"), REACHER)
+        store.check_fits([read_card(path)], read_task("reacher"), REACHER)
 
 
 @pytest.mark.parametrize(
@@ -115,7 +115,7 @@ def test_a_card_that_says_something_it_may_not_is_refused(folder, spoil, message
 
 def rewritten(path, spoil):
     """Change a teacher's card in its file."""
-    from repaint_cli.checkpoint import load, save
+    from repaint_cli.policies.weights import load, save
 
     tensors, card = load(path)
     spoil(card)
@@ -129,7 +129,7 @@ def test_a_card_of_other_spaces_than_the_weights_is_refused(folder):
         r"teacher 'old-hand': leaf 'policy.head.weight' is \(64, 2\) float32 in the file, \(64, 3\)"
     )
     with pytest.raises(CheckpointError, match=message):
-        zoo.load_teacher(path)
+        store.load_teacher(path)
 
 
 def test_a_file_cut_short_anywhere_is_refused(folder):
@@ -138,7 +138,7 @@ def test_a_file_cut_short_anywhere_is_refused(folder):
     for length in [*range(0, 64), *range(64, len(whole), len(whole) // 40), len(whole) - 1]:
         path.write_bytes(whole[:length])
         with pytest.raises(CheckpointError, match="is not a whole safetensors file"):
-            zoo.load_teacher(path)
+            store.load_teacher(path)
 
 
 def test_a_flipped_bit_in_the_header_is_explained_or_harmless(folder):
@@ -152,7 +152,7 @@ def test_a_flipped_bit_in_the_header_is_explained_or_harmless(folder):
             flipped[i] ^= 1 << bit
             path.write_bytes(flipped)
             try:
-                zoo.load_teacher(path)
+                store.load_teacher(path)
             except RepaintError as error:
                 assert "\n" not in str(error)  # noqa: PT017 - some flips only change a number
                 refused += 1
@@ -204,7 +204,7 @@ def test_the_shipped_teachers_are_there():
 
 @pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
 def test_a_shipped_teacher_is_sound_small_scored_and_of_the_task_as_it_is_now(path):
-    _, card = zoo.load_teacher(path)
+    _, card = store.load_teacher(path)
     assert card.name == path.stem
     assert path.stat().st_size <= (9e6 if card.n_beams else 8e6)  # a lidar has layers of its own
     assert card.score.low <= card.score.mean <= card.score.high

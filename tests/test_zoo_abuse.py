@@ -3,14 +3,14 @@
 import subprocess
 from contextlib import contextmanager
 
-import mortal
+import killed_runs
 import pytest
 import torch
-from tiny_runs import QUICK, add_teacher, files_below, weights_of
+from small_runs import QUICK, add_teacher, files_below, weights_of
 
-from repaint_cli import zoo
-from repaint_cli.checkpoint import load
 from repaint_cli.errors import NotFound, StoreError
+from repaint_cli.policies.weights import load
+from repaint_cli.zoo import store
 
 TRAIN = ["train-teacher", "--task", "reacher", "--name", "mine", *QUICK]
 
@@ -21,12 +21,12 @@ def folder(home):
 
 
 def _add_all(folder, source, iteration, names, start):
-    network, card = zoo.load_teacher(source)
+    network, card = store.load_teacher(source)
     card = card.model_copy(update={"iteration": iteration})
     start.wait(60)
     for name in names:
         try:
-            zoo.add(network, 0, card.model_copy(update={"name": name}), folder, replace=False)
+            store.add(network, 0, card.model_copy(update={"name": name}), folder, replace=False)
         except StoreError as error:
             if not str(error).endswith("exists already"):
                 raise
@@ -37,7 +37,7 @@ def _add_all(folder, source, iteration, names, start):
 def test_of_several_who_add_a_name_at_once_one_does(folder, tmp_path):
     source, names = add_teacher(tmp_path), [f"t{i}" for i in range(25)]
     folder.mkdir(parents=True)
-    context = mortal.nursery()
+    context = killed_runs.nursery()
     start = context.Barrier(4)
     crowd = [
         context.Process(target=_add_all, args=(folder, source, i, names, start)) for i in range(4)
@@ -49,25 +49,25 @@ def test_of_several_who_add_a_name_at_once_one_does(folder, tmp_path):
         assert process.exitcode == 0
     for name in names:
         (winner,) = folder.glob(f"{name}-is-of-*")
-        _, card = zoo.load_teacher(folder / f"{name}.safetensors")
+        _, card = store.load_teacher(folder / f"{name}.safetensors")
         assert str(card.iteration) == winner.name.rpartition("-")[2]
     assert not list(folder.glob(".*"))
 
 
 def _replace_again_and_again(folder, source, n):
-    network, card = zoo.load_teacher(source)
+    network, card = store.load_teacher(source)
     for i in range(n):
-        zoo.add(network, 0, card.model_copy(update={"iteration": i}), folder)
+        store.add(network, 0, card.model_copy(update={"iteration": i}), folder)
 
 
 def test_who_reads_while_another_writes_meets_a_whole_file(folder, tmp_path):
     source = add_teacher(tmp_path)
     _replace_again_and_again(folder, source, 1)
-    context, seen = mortal.nursery(), set()
+    context, seen = killed_runs.nursery(), set()
     writer = context.Process(target=_replace_again_and_again, args=(folder, source, 150))
     writer.start()
     while writer.is_alive():
-        _, card = zoo.load_teacher(folder / "old-hand.safetensors")
+        _, card = store.load_teacher(folder / "old-hand.safetensors")
         seen.add(card.iteration)
     writer.join()
     assert len(seen) > 3
@@ -174,8 +174,8 @@ def test_links_that_lead_out_of_the_zoo_are_not_followed(repaint, home, folder):
     (folder / "near.safetensors").symlink_to(inside)
     (folder / "far.safetensors").symlink_to(outside)
     (folder / "loop.safetensors").symlink_to(folder / "loop.safetensors")
-    assert {"old-hand", "near"} <= zoo.teachers().keys()
-    assert "far" not in zoo.teachers()
+    assert {"old-hand", "near"} <= store.teachers().keys()
+    assert "far" not in store.teachers()
     said = repaint("zoo", "show", "far")
     assert said.code == NotFound.exit_code
     assert f"is a link that leads out of your zoo, to {outside}; add what is there" in said.err
@@ -198,7 +198,7 @@ def test_ten_thousand_teachers_are_listed_by_their_headers_alone(repaint, folder
     def opened(*_):
         raise AssertionError("a list opens no file whole")
 
-    monkeypatch.setattr("repaint_cli.files.safe_open", opened)
+    monkeypatch.setattr("repaint_cli.files.headers.safe_open", opened)
     lines = repaint("zoo", "list").out.splitlines()
     assert lines[0].split()[:2] == ["teacher", "task"]
     assert sum(line.split()[-1] == "yours" for line in lines) == 10_001

@@ -5,11 +5,11 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from tiny_runs import QUICK, add_teacher, files_below, weights_of
+from small_runs import QUICK, add_teacher, files_below, weights_of
 
-from repaint_cli import zoo
 from repaint_cli.paths import PACKAGE
-from repaint_cli.teacher_card import read_card
+from repaint_cli.zoo import store
+from repaint_cli.zoo.teacher_card import read_card
 
 
 def refused(repaint, code, message, *words):
@@ -26,7 +26,7 @@ def test_a_teachers_file_is_added_under_another_name(repaint, home):
     assert said.code == 0, said.err
     assert "new-name.safetensors" in said.out
     assert "next: repaint transfer --teacher new-name --task reacher" in said.out
-    found = zoo.find("new-name")
+    found = store.find("new-name")
     assert found.parent == home / "home" / "zoo"
     assert read_card(found) == read_card(path).model_copy(update={"name": "new-name"})
     old, new = weights_of(path), weights_of(found)
@@ -42,7 +42,7 @@ def test_a_name_is_taken_once(repaint, home):
     )
     other = add_teacher(home / "elsewhere", "other", env_steps=77)
     assert repaint("zoo", "add", "mine", other, "--replace").code == 0
-    assert read_card(zoo.find("mine")).env_steps == 77
+    assert read_card(store.find("mine")).env_steps == 77
     refused(repaint, 7, "expected a teacher's name of 1 to 64", "not/mine", path)
 
 
@@ -79,10 +79,10 @@ def test_a_policy_trained_elsewhere_is_added_verified_and_taught_by(repaint, hom
     assert re.search(r"score on reacher: -\d+\.?\d* \[-.*\] over 100 episodes", said.out)
     assert repaint("zoo", "verify", "guest").out == "guest: sound\n"
     assert "guest" in repaint("zoo", "list", "--fits", "reacher").out
-    card = read_card(zoo.find("guest"))
+    card = read_card(store.find("guest"))
     assert (card.method, card.seed, card.env_steps) == ("imported", 1, 384)
 
-    network, _ = zoo.load_teacher(zoo.find("guest"))
+    network, _ = store.load_teacher(store.find("guest"))
     obs = np.random.default_rng(0).normal(size=(200, 10)).astype(np.float32)
     actions, _ = model.predict(venv.normalize_obs(obs), deterministic=True)
     with torch.no_grad():
@@ -103,7 +103,7 @@ def test_a_teacher_of_other_networks_is_trained_and_comes_back(repaint, home):
     settings = [word for setting in net for word in ("--set", setting)]
     said = repaint("train-teacher", "--task", "reacher", "--name", "other", *QUICK, *settings)
     assert said.code == 0, said.err
-    network, card = zoo.load_teacher(zoo.find("other"))
+    network, card = store.load_teacher(store.find("other"))
     assert network.weights["value.1.weight"].shape == (1, 8, 8)
     assert (card.task.net.activation, card.task.net.obs_clip) == ("relu", "none")
 

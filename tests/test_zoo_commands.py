@@ -8,12 +8,12 @@ import sys
 import numpy as np
 import pytest
 import torch
-from tiny_runs import REACHER, add_teacher
+from small_runs import REACHER, add_teacher
 
-from repaint_cli import verify, zoo
-from repaint_cli.checkpoint import load, save
 from repaint_cli.errors import CheckpointError, StoreError
-from repaint_cli.spaces import Spaces
+from repaint_cli.policies.spaces import Spaces
+from repaint_cli.policies.weights import load, save
+from repaint_cli.zoo import store, verify
 
 
 @pytest.fixture
@@ -55,16 +55,16 @@ def test_verify_can_measure_the_score_again(repaint, home, folder):
     path = add_teacher(folder, settings=["eval.episodes=2"])
     said = repaint("zoo", "verify", "old-hand", "--score")
     assert said.out.startswith("old-hand: sound; its card has no score, measured -")
-    network, card = zoo.load_teacher(path)
+    network, card = store.load_teacher(path)
     honest = verify.score(network, card.task, card.seed)
-    zoo.add(network, 0, card.model_copy(update={"score": honest}), folder)
+    store.add(network, 0, card.model_copy(update={"score": honest}), folder)
     said = repaint("zoo", "verify", "old-hand", "--score")
     assert said.out == (
         f"old-hand: sound; score {honest.mean:.4g} [{honest.low:.4g}, {honest.high:.4g}], "
         f"its card says {honest.mean:.4g}\n"
     )
     boasting = honest.model_copy(update={"mean": 0.0, "low": -1.0, "high": 1.0})
-    zoo.add(network, 0, card.model_copy(update={"score": boasting}), folder)
+    store.add(network, 0, card.model_copy(update={"score": boasting}), folder)
     said = repaint("zoo", "verify", "old-hand", "--score")
     assert said.code == 5
     assert f"its card says a score of 0 [-1, 1], measured {honest.mean:.4g}" in said.err
@@ -117,7 +117,7 @@ def test_an_exported_policy_is_the_same_in_onnx(repaint, home, folder, task):
     card = json.loads((home / "out" / "card.json").read_text())
     session = onnxruntime.InferenceSession(str(home / "out" / "old-hand.onnx"))
     assert json.loads(session.get_modelmeta().custom_metadata_map["repaint"]) == card
-    network, _ = zoo.load_teacher(path)
+    network, _ = store.load_teacher(path)
     rng = np.random.default_rng(0)
     for n in (1, 7):
         obs = 3 * rng.normal(size=(n, *spaces.obs_shape)).astype(np.float32)

@@ -96,6 +96,6 @@ def _terminate(number: int, frame: FrameType | None) -> None:
 def _complain(message: str) -> None:
     from rich.console import Console
 
-    from repaint_cli.cli.words import literal
+    from repaint_cli.cli.console import literal
 
     Console(stderr=True, soft_wrap=True).print(f"[red]error:[/red] {literal(message)}", emoji=False)

@@ -7,17 +7,17 @@ from pathlib import Path
 import joblib
 from rich.console import Console
 
-from repaint_cli.cards import read_task
 from repaint_cli.cli.options import customize, method_for
 from repaint_cli.cli.session import find_teachers, new_folder
 from repaint_cli.errors import CardError, RepaintError
-from repaint_cli.evaluate import spaces_of
-from repaint_cli.history import read_run
-from repaint_cli.measuring import check_episodes
-from repaint_cli.plans import Plan
-from repaint_cli.report.pictures import draw_run
-from repaint_cli.runs import Experiment
-from repaint_cli.teaching import load_staff
+from repaint_cli.learn.evaluation import spaces_of
+from repaint_cli.runs.experiment import Experiment
+from repaint_cli.runs.figures import draw_run
+from repaint_cli.runs.measuring import check_episodes
+from repaint_cli.runs.plan import Plan
+from repaint_cli.runs.reader import read_run
+from repaint_cli.runs.teachers import load_staff
+from repaint_cli.tasks.card_files import read_task
 
 
 def train_all(

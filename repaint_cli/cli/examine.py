@@ -6,25 +6,28 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from repaint_cli import checkpoint, traces, trust, zoo
-from repaint_cli.cards import read_task
+from repaint_cli.cli.episode_table import racing_summary, table
 from repaint_cli.cli.options import customize, seed_list
-from repaint_cli.cli.played import racing_summary, table
 from repaint_cli.cli.screen import out
 from repaint_cli.cli.session import say_written
+from repaint_cli.envs.racer.deepracer import traces
+from repaint_cli.envs.racer.deepracer.simtrace import Simtrace
+from repaint_cli.envs.simulator import GymEnv, RacerEnv
 from repaint_cli.errors import CardError, RenderError, TeacherMismatch
-from repaint_cli.evaluate import Episodes, evaluate, spaces_of
-from repaint_cli.files import check_writable, write_text
-from repaint_cli.history import Run, newest_run, read_run
+from repaint_cli.files.atomic import check_writable, write_text
+from repaint_cli.learn.evaluation import Episodes, evaluate, spaces_of
 from repaint_cli.learn.seeding import Purpose
-from repaint_cli.nets import ActorCritic
-from repaint_cli.past import CHECKPOINT
+from repaint_cli.policies import weights
+from repaint_cli.policies.networks import ActorCritic
 from repaint_cli.provenance import stamp
-from repaint_cli.report.pictures import Colour, draw_trajectories, film
-from repaint_cli.simtrace import Simtrace
-from repaint_cli.simulators import GymEnv, RacerEnv
-from repaint_cli.snapshot import NETWORKS, load_networks
-from repaint_cli.tasks import TaskCard
+from repaint_cli.runs.checkpoint import NETWORKS, load_networks
+from repaint_cli.runs.figures import Colour, draw_trajectories, film
+from repaint_cli.runs.reader import Run, newest_run, read_run
+from repaint_cli.runs.resume import CHECKPOINT
+from repaint_cli.tasks import trust
+from repaint_cli.tasks.card_files import read_task
+from repaint_cli.tasks.task import TaskCard
+from repaint_cli.zoo import store
 
 FILMED = {"gymnasium": 5, "racer": 1}
 """Episodes in a video, by simulator."""
@@ -55,7 +58,7 @@ def subject(what: str | None, task: str | None, root: Path) -> Subject:
     card = read_task(task) if task else None
     folder = newest_run(root) if what is None else Path(what)
     is_run = (folder / "run.json").is_file()
-    if what is None or is_run or (folder.is_dir() and what not in zoo.teachers()):
+    if what is None or is_run or (folder.is_dir() and what not in store.teachers()):
         run = read_run(folder)
         network = policies(run)
         if card and spaces_of(card) != network.spaces:
@@ -66,10 +69,10 @@ def subject(what: str | None, task: str | None, root: Path) -> Subject:
         name = f"{run.task.name} · {run.label} · iteration {run.returns.shape[1]}"
         following = f"repaint compare {shlex.quote(str(folder.parent))}/*"
         return Subject(name, network, run.record["seeds"], card or run.task, folder, following)
-    path = zoo.find(str(what))
-    network, teacher = zoo.load_teacher(path)
+    path = store.find(str(what))
+    network, teacher = store.load_teacher(path)
     if card:
-        zoo.check_fits([teacher], card, spaces_of(card))
+        store.check_fits([teacher], card, spaces_of(card))
     code = trust.code_of(teacher.task)
     if code and not card:
         raise CardError(
@@ -94,7 +97,7 @@ def policies(run: Run) -> ActorCritic:
     trust.check(run.task, run.folder)
     path, like = run.folder / CHECKPOINT, (spaces_of(run.task), run.task.net)
     seeds = len(run.record["seeds"])
-    checkpoint.check_networks(path, *like, seeds, str(path), NETWORKS)
+    weights.check_networks(path, *like, seeds, str(path), NETWORKS)
     network = ActorCritic(*like, seeds)
     load_networks(path, network)
     return network

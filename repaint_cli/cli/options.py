@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from repaint_cli.errors import CardError, NotFound
-from repaint_cli.methods import ALGORITHMS, METHODS
-from repaint_cli.presets import PRESETS
+from repaint_cli.tasks.methods import ALGORITHMS, METHODS
+from repaint_cli.tasks.presets import PRESETS
 
 if TYPE_CHECKING:
-    from repaint_cli.tasks import TaskCard
+    from repaint_cli.tasks.task import TaskCard
 
 Task = Annotated[
     str, typer.Option(help="A task's name (repaint tasks list) or a card of your own.")

@@ -9,10 +9,10 @@ from rich.live import Live
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.text import Text
 
-from repaint_cli.alarms import Alarm
-from repaint_cli.cli.words import literal
-from repaint_cli.metrics import Report
-from repaint_cli.runs import Experiment
+from repaint_cli.cli.console import literal
+from repaint_cli.runs.alarms import Alarm
+from repaint_cli.runs.experiment import Experiment
+from repaint_cli.runs.metrics import Report
 
 out = Console(soft_wrap=True, highlight=False, emoji=False)
 

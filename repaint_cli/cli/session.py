@@ -7,24 +7,25 @@ from contextlib import nullcontext
 from itertools import chain, count
 from pathlib import Path
 
-from repaint_cli import evaluations, zoo
+from repaint_cli.cli.console import literal
 from repaint_cli.cli.screen import Screen, out
-from repaint_cli.cli.words import literal
+from repaint_cli.envs.racer.deepracer.simtrace import log_folders
+from repaint_cli.envs.simulator import RacerEnv
 from repaint_cli.errors import CardError, NotFound, StoreError, Terminated
-from repaint_cli.evaluate import has_paths
-from repaint_cli.files import check_writable
-from repaint_cli.history import read_run
-from repaint_cli.methods import METHODS
-from repaint_cli.past import CHECKPOINT
+from repaint_cli.files.atomic import check_writable
+from repaint_cli.learn.evaluation import has_paths
 from repaint_cli.paths import user_zoo
-from repaint_cli.plans import Plan, plan_of
 from repaint_cli.provenance import stamp
-from repaint_cli.report.events import Events, require_tensorboard
-from repaint_cli.report.pictures import draw_run
-from repaint_cli.runs import BEST, Experiment
-from repaint_cli.simtrace import log_folders
-from repaint_cli.simulators import RacerEnv
-from repaint_cli.teacher_card import check_name
+from repaint_cli.runs import evaluations
+from repaint_cli.runs.experiment import BEST, Experiment
+from repaint_cli.runs.figures import draw_run
+from repaint_cli.runs.plan import Plan, plan_of
+from repaint_cli.runs.reader import read_run
+from repaint_cli.runs.resume import CHECKPOINT
+from repaint_cli.runs.tensorboard import Events, require_tensorboard
+from repaint_cli.tasks.methods import METHODS
+from repaint_cli.zoo import store
+from repaint_cli.zoo.teacher_card import check_name
 
 
 def new_folder(run: Path | None, task: str, what: str) -> Path:
@@ -68,7 +69,7 @@ def find_teachers(names: Sequence[str] | None, method: str) -> tuple[Path, ...]:
         raise NotFound(f"method '{method}' needs a teacher: --teacher NAME (repaint zoo list)")
     if METHODS[method].warm_start and len(names) > 1:
         raise CardError(f"expected one --teacher to warm-start from, found {len(names)}")
-    return tuple(zoo.find(name) for name in names)
+    return tuple(store.find(name) for name in names)
 
 
 def find_acting(names: Sequence[str] | None, teachers: Sequence[Path]) -> tuple[Path, ...] | None:
@@ -79,7 +80,7 @@ def find_acting(names: Sequence[str] | None, teachers: Sequence[Path]) -> tuple[
     """
     if not names:
         return None
-    acting = tuple(zoo.find(name) for name in names)
+    acting = tuple(store.find(name) for name in names)
     for name, path in zip(names, acting, strict=True):
         if path not in teachers:
             known = ", ".join(teacher.stem for teacher in teachers)

@@ -4,20 +4,20 @@ import json
 from collections.abc import Sequence
 from pathlib import Path
 
+from repaint_cli.cli.comparison_table import print_comparison
+from repaint_cli.cli.episode_table import racing_summary, table
 from repaint_cli.cli.examine import policies
-from repaint_cli.cli.played import racing_summary, table
 from repaint_cli.cli.screen import out
 from repaint_cli.cli.session import say_written
-from repaint_cli.cli.tables import print_comparison
+from repaint_cli.envs.simulator import RacerEnv
 from repaint_cli.errors import CardError
-from repaint_cli.evaluate import evaluate, has_paths
-from repaint_cli.history import Run, read_run
+from repaint_cli.learn.evaluation import evaluate, has_paths
 from repaint_cli.learn.seeding import Purpose
-from repaint_cli.report import comparison
-from repaint_cli.report.comparison import reference_of
-from repaint_cli.report.dossier import title_of, write_dossier
-from repaint_cli.report.pictures import draw_curves, draw_trajectories
-from repaint_cli.simulators import RacerEnv
+from repaint_cli.runs import comparison
+from repaint_cli.runs.comparison import reference_of
+from repaint_cli.runs.comparison_report import title_of, write_dossier
+from repaint_cli.runs.figures import draw_curves, draw_trajectories
+from repaint_cli.runs.reader import Run, read_run
 
 EPISODES = 20
 """Episodes that the paper draws of each policy."""

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from repaint_cli.tasks import TaskCard
+    from repaint_cli.tasks.task import TaskCard
 
 
 def similarity(
@@ -21,8 +21,8 @@ def similarity(
     And say what one's teacher is to another. The relation is directed: a row's task as the teacher,
     a column's as the target.
     """
-    from repaint_cli.cards import shipped_tasks
-    from repaint_cli.similarity import cosine, relation
+    from repaint_cli.tasks.card_files import shipped_tasks
+    from repaint_cli.tasks.similarity import cosine, relation
 
     cards = [_card(name) for name in names or shipped_tasks()]
     if len(cards) == 1:
@@ -44,17 +44,17 @@ def similarity(
 
 def _card(name: str) -> "TaskCard":
     """Read a task's card, or the card inside a teacher."""
-    from repaint_cli.cards import read_task, shipped_tasks
+    from repaint_cli.tasks.card_files import read_task, shipped_tasks
 
     if name.endswith(".toml") or name in shipped_tasks():
         return read_task(name)
-    from repaint_cli import zoo
     from repaint_cli.errors import CardError, NotFound
-    from repaint_cli.teacher_card import read_card
+    from repaint_cli.zoo import store
+    from repaint_cli.zoo.teacher_card import read_card
 
-    teachers = zoo.teachers()
+    teachers = store.teachers()
     if name in teachers or name.endswith(".safetensors"):
-        card = read_card(zoo.find(name)).task
+        card = read_card(store.find(name)).task
         if card.reward_code:
             raise CardError(
                 f"'{name}' was trained with the reward function {card.reward_code.name}, which is "
@@ -67,7 +67,7 @@ def _card(name: str) -> "TaskCard":
 
 def _with_weights(card: "TaskCard", quiet: bool) -> "TaskCard":
     """Return the card with weights in place of its reward function, fitted; say which."""
-    from repaint_cli.reward_fit import fit, weighed
+    from repaint_cli.tasks.reward_fit import fit, weighed
 
     found = fit(card)
     if not quiet:
@@ -80,8 +80,8 @@ def _print_matrix(cards: "list[TaskCard]") -> None:
     from rich.console import Console
     from rich.table import Table
 
-    from repaint_cli.cli.words import literal
-    from repaint_cli.similarity import cosine, relation
+    from repaint_cli.cli.console import literal
+    from repaint_cli.tasks.similarity import cosine, relation
 
     out, left = Console(), list(cards)
     while left:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 if TYPE_CHECKING:
-    from repaint_cli.tasks import TaskCard
+    from repaint_cli.tasks.task import TaskCard
 
 tasks = typer.Typer(no_args_is_help=True, help="List, show, copy, check task cards; trust a run.")
 Name = Annotated[str, typer.Argument(help="A task's name, or a card of your own.")]
@@ -18,7 +18,7 @@ Name = Annotated[str, typer.Argument(help="A task's name, or a card of your own.
 @tasks.command("list")
 def list_tasks() -> None:
     """List the shipped tasks."""
-    from repaint_cli.cards import read_task, shipped_tasks
+    from repaint_cli.tasks.card_files import read_task, shipped_tasks
 
     width = max(len(name) for name in shipped_tasks())
     for name in shipped_tasks():
@@ -30,8 +30,8 @@ def show(name: Name) -> None:
     """Show a task's settings, all of them, with what each means."""
     from rich.console import Console
 
-    from repaint_cli.cards import read_task
-    from repaint_cli.cli.words import literal
+    from repaint_cli.cli.console import literal
+    from repaint_cli.tasks.card_files import read_task
 
     card, out = read_task(name), Console(emoji=False)
     out.print(f"[bold]{literal(card.name)}[/bold]: {literal(card.summary)}")
@@ -51,9 +51,9 @@ def copy(
     name: Name, file: Annotated[Path, typer.Argument(help="The new card, such as my-task.toml.")]
 ) -> None:
     """Copy a task's card, whole, to a file of your own to edit."""
-    from repaint_cli.cards import read_task
     from repaint_cli.errors import StoreError
-    from repaint_cli.files import write_text
+    from repaint_cli.files.atomic import write_text
+    from repaint_cli.tasks.card_files import read_task
 
     card = read_task(name)
     if file.suffix != ".toml":
@@ -74,9 +74,9 @@ def check(
 
     A card is tried by one random step in its environment.
     """
-    from repaint_cli.cards import read_task
-    from repaint_cli.cli.words import plain
-    from repaint_cli.evaluate import try_out
+    from repaint_cli.cli.console import plain
+    from repaint_cli.learn.evaluation import try_out
+    from repaint_cli.tasks.card_files import read_task
 
     if name.endswith(".npy"):
         return check_track(name)
@@ -89,8 +89,8 @@ def check(
 
 def check_track(file: str) -> None:
     """Check a file of waypoints, say what track it holds, and draw it."""
-    from repaint_cli.report.track_map import plot_track
-    from repaint_cli.simulators import load_track
+    from repaint_cli.envs.racer.track.files import load_track
+    from repaint_cli.envs.racer.track.map import plot_track
 
     track = load_track(file)
     radius = track.tightest_radius
@@ -138,9 +138,9 @@ def trust(
 
     That is a reward function, or a module that its environment is in; it is shown first.
     """
-    from repaint_cli import trust
-    from repaint_cli.cli.words import agreed, plain
-    from repaint_cli.history import read_run
+    from repaint_cli.cli.console import agreed, plain
+    from repaint_cli.runs.reader import read_run
+    from repaint_cli.tasks import trust
 
     task = read_run(run).task
     code = trust.code_of(task)

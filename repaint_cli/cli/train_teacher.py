@@ -31,9 +31,9 @@ def train_teacher(
 
     It learns from scratch; its best evaluated policy is kept.
     """
-    from repaint_cli.cards import read_task
     from repaint_cli.cli.session import carry_out, new_folder, new_teacher_name, plan_again
-    from repaint_cli.plans import Plan
+    from repaint_cli.runs.plan import Plan
+    from repaint_cli.tasks.card_files import read_task
 
     if resume:
         options.check_alone(context, "iterations", "name", "replace", "tensorboard")

@@ -5,7 +5,7 @@ from typing import Annotated
 import typer
 
 from repaint_cli.cli import options
-from repaint_cli.methods import METHODS
+from repaint_cli.tasks.methods import METHODS
 
 AS_LONG_AS_IT_GIVES = 10**6
 """K where the end of the transfer is measured."""
@@ -68,7 +68,6 @@ def transfer(
 
     With REPAINT, or one of its rivals.
     """
-    from repaint_cli.cards import read_task
     from repaint_cli.cli.session import (
         carry_out,
         find_acting,
@@ -76,7 +75,8 @@ def transfer(
         new_folder,
         plan_again,
     )
-    from repaint_cli.plans import Plan
+    from repaint_cli.runs.plan import Plan
+    from repaint_cli.tasks.card_files import read_task
 
     if resume:
         options.check_alone(context, "iterations", "tensorboard")

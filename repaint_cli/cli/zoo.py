@@ -21,8 +21,8 @@ def list_teachers(
     fits: Annotated[str | None, typer.Option(help="Only teachers that fit this task.")] = None,
 ) -> None:
     """List teachers: your own first, then the shipped ones."""
-    from repaint_cli.cli.words import columns
-    from repaint_cli.zoo import teachers
+    from repaint_cli.cli.console import columns
+    from repaint_cli.zoo.store import teachers
 
     known, home = teachers(), user_zoo()
     names = _fitting(fits) if fits else list(known)
@@ -31,7 +31,7 @@ def list_teachers(
 
 
 def _seen(path: Path) -> tuple[str, str, str]:
-    from repaint_cli.teacher_card import glance
+    from repaint_cli.zoo.teacher_card import glance
 
     try:
         task, score, steps = glance(path)
@@ -46,9 +46,9 @@ def _whose(path: Path, home: Path) -> str:
 
 
 def _fitting(task: str) -> list[str]:
-    from repaint_cli.cards import read_task
-    from repaint_cli.evaluate import spaces_of
-    from repaint_cli.zoo import fitting
+    from repaint_cli.learn.evaluation import spaces_of
+    from repaint_cli.tasks.card_files import read_task
+    from repaint_cli.zoo.store import fitting
 
     card = read_task(task)
     return fitting(card, spaces_of(card))
@@ -62,10 +62,10 @@ def show(
     ] = False,
 ) -> None:
     """Show a teacher's card."""
-    from repaint_cli import model_card
-    from repaint_cli.cli.words import plain
-    from repaint_cli.teacher_card import read_card
-    from repaint_cli.zoo import find
+    from repaint_cli.cli.console import plain
+    from repaint_cli.zoo import model_card
+    from repaint_cli.zoo.store import find
+    from repaint_cli.zoo.teacher_card import read_card
 
     path = find(name)
     card = read_card(path)
@@ -85,9 +85,9 @@ def verify(
     A whole file with the hash it was written with, finite weights of the right shapes, a sound
     card, a policy that fits its own task.
     """
-    from repaint_cli.cli.words import plain
-    from repaint_cli.verify import verify
-    from repaint_cli.zoo import find, teachers
+    from repaint_cli.cli.console import plain
+    from repaint_cli.zoo.store import find, teachers
+    from repaint_cli.zoo.verify import verify
 
     names = [name] if name else list(teachers())
     bad = []
@@ -109,8 +109,8 @@ def export(
 ) -> None:
     """Write a teacher, card.json and a page to a folder."""
     from repaint_cli.cli.session import say_written
-    from repaint_cli.export import export
-    from repaint_cli.zoo import find
+    from repaint_cli.zoo.export import export
+    from repaint_cli.zoo.store import find
 
     written = export(find(name), folder, onnx=onnx)
     say_written(written, f"repaint zoo verify {shlex.quote(str(written[0]))}")
@@ -122,8 +122,8 @@ def remove(
     yes: Annotated[bool, typer.Option("--yes", help="Do not ask.")] = False,
 ) -> None:
     """Remove one of your own teachers, after asking."""
-    from repaint_cli.cli.words import agreed, plain
-    from repaint_cli.zoo import remove
+    from repaint_cli.cli.console import agreed, plain
+    from repaint_cli.zoo.store import remove
 
     if yes or agreed(f"Remove the teacher '{plain(name)}' from your zoo for good?"):
         print(f"removed {remove(name)}")

@@ -9,8 +9,8 @@ import typer
 from repaint_cli.errors import CardError, NotFound
 
 if TYPE_CHECKING:
-    from repaint_cli.nets import ActorCritic
-    from repaint_cli.teacher_card import TeacherCard
+    from repaint_cli.policies.networks import ActorCritic
+    from repaint_cli.zoo.teacher_card import TeacherCard
 
 SOURCES = ("sb3", "cleanrl")
 
@@ -48,10 +48,10 @@ def add(
     Nothing in the file is run: PPO and A2C of Stable-Baselines3 with MlpPolicy or CnnPolicy, and
     agents of cleanrl's PPO scripts, are read as data; what cannot be read exactly is refused.
     """
-    from repaint_cli import zoo
     from repaint_cli.cli.screen import out
     from repaint_cli.cli.session import new_teacher_name, say_written
     from repaint_cli.paths import user_zoo
+    from repaint_cli.zoo import store
 
     name = new_teacher_name(name, replace)
     if source is None:
@@ -61,7 +61,8 @@ def add(
     if source and card.score:
         score = f"{card.score.mean:.4g} [{card.score.low:.4g}, {card.score.high:.4g}]"
         out.print(f"score on {card.task.name}: {score} over {card.score.episodes} episodes")
-    path = zoo.add(network, 0, card.model_copy(update={"name": name}), user_zoo(), replace=replace)
+    card = card.model_copy(update={"name": name})
+    path = store.add(network, 0, card, user_zoo(), replace=replace)
     target = shlex.quote(task or card.task.name)
     say_written([path], f"repaint transfer --teacher {name} --task {target}")
 
@@ -70,7 +71,7 @@ def _ours(
     file: Path, task: str | None, vecnormalize: str | None
 ) -> "tuple[ActorCritic, TeacherCard]":
     """Read a teacher's file, which says all of itself."""
-    from repaint_cli.zoo import load_teacher
+    from repaint_cli.zoo.store import load_teacher
 
     if task or vecnormalize:
         option = "--task" if task else "--vecnormalize"
@@ -82,11 +83,11 @@ def _theirs(
     name: str, file: Path, source: str, task: str | None, vecnormalize: str | None
 ) -> "tuple[ActorCritic, TeacherCard]":
     """Read another library's file, and score it on its task."""
-    from repaint_cli.cards import read_task
-    from repaint_cli.evaluate import spaces_of
-    from repaint_cli.foreign import cleanrl, sb3
-    from repaint_cli.foreign.imported import as_teacher
-    from repaint_cli.foreign.statistics import statistics_of
+    from repaint_cli.learn.evaluation import spaces_of
+    from repaint_cli.tasks.card_files import read_task
+    from repaint_cli.zoo.importers import cleanrl, sb3
+    from repaint_cli.zoo.importers.imported import as_teacher
+    from repaint_cli.zoo.importers.statistics import statistics_of
 
     if source not in SOURCES:
         raise NotFound.named("source", source, SOURCES, "repaint zoo add --help")

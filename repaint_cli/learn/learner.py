@@ -6,19 +6,19 @@ from typing import Any
 import numpy as np
 import torch
 
-from repaint_cli.learn.advantages import Samples
-from repaint_cli.learn.automatic import Measured
-from repaint_cli.learn.batches import share_of
-from repaint_cli.learn.frames import Frames
-from repaint_cli.learn.objectives import masked_mean
-from repaint_cli.learn.optimizer import RowAdam
-from repaint_cli.learn.rollout import Policy, collect, start
+from repaint_cli.learn.rollout.batches import share_of
+from repaint_cli.learn.rollout.collect import Policy, collect, start
+from repaint_cli.learn.rollout.gae import Samples
+from repaint_cli.learn.rollout.observations import Frames
+from repaint_cli.learn.rollout.storage import Rollout
+from repaint_cli.learn.rollout.transitions import Experience, Transitions
 from repaint_cli.learn.seeding import Purpose, generator
-from repaint_cli.learn.selection import Moments, moments
-from repaint_cli.learn.tape import Rollout
-from repaint_cli.learn.transitions import Experience, Transitions
-from repaint_cli.nets import ActorCritic
-from repaint_cli.tasks import TaskCard
+from repaint_cli.learn.transfer.measured import Measured
+from repaint_cli.learn.transfer.selection import Moments, moments
+from repaint_cli.learn.update.adam import RowAdam
+from repaint_cli.learn.update.objectives import masked_mean
+from repaint_cli.policies.networks import ActorCritic
+from repaint_cli.tasks.task import TaskCard
 
 
 @dataclass

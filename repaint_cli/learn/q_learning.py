@@ -13,24 +13,24 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from repaint_cli.config import QLearningConfig
-from repaint_cli.distributions import Categorical, Distribution
 from repaint_cli.errors import CardError, DivergedError, telling_where
-from repaint_cli.learn import schedules
-from repaint_cli.learn.frames import Frames, each
 from repaint_cli.learn.learner import Learner, without_sights
-from repaint_cli.learn.losses import squared_error
-from repaint_cli.learn.objectives import mean_over
-from repaint_cli.learn.rollout import Policy
-from repaint_cli.learn.schedules import Phase
-from repaint_cli.learn.tape import Rollout
-from repaint_cli.learn.teachers import Teacher, soften
-from repaint_cli.learn.trainer import IterationStats, finished
-from repaint_cli.learn.transitions import Experience, flat, transitions
-from repaint_cli.learn.update import Means
-from repaint_cli.nets import ActorCritic
-from repaint_cli.spaces import Spaces
-from repaint_cli.tasks import TaskCard
+from repaint_cli.learn.ppo import IterationStats, finished
+from repaint_cli.learn.rollout.collect import Policy
+from repaint_cli.learn.rollout.observations import Frames, each
+from repaint_cli.learn.rollout.storage import Rollout
+from repaint_cli.learn.rollout.transitions import Experience, flat, transitions
+from repaint_cli.learn.transfer import schedules
+from repaint_cli.learn.transfer.schedules import Phase
+from repaint_cli.learn.transfer.teachers import Teacher, soften
+from repaint_cli.learn.update.epochs import Means
+from repaint_cli.learn.update.losses import squared_error
+from repaint_cli.learn.update.objectives import mean_over
+from repaint_cli.policies.distributions import Categorical, Distribution
+from repaint_cli.policies.networks import ActorCritic
+from repaint_cli.policies.spaces import Spaces
+from repaint_cli.settings import QLearningConfig
+from repaint_cli.tasks.task import TaskCard
 
 
 def train(

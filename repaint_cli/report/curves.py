@@ -8,8 +8,8 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike
 
-from repaint_cli.report import look
-from repaint_cli.report.statistics import Floats, bootstrap_mean
+from repaint_cli.report import style
+from repaint_cli.statistics import Floats, bootstrap_mean
 
 WIDTH, HEIGHT = 7.6, 4.4
 LABEL_GAP = 0.055
@@ -44,13 +44,13 @@ def plot_curves(
         StoreError: the file cannot be written.
     """
     curves = {label: _seeds(values) for label, values in returns.items()}
-    figure = look.new_figure(WIDTH, HEIGHT * (1.75 if progress else 1))
-    look.headline(figure, title)
-    figure.supxlabel(_note(curves), size=look.NOTE_SIZE, color="#555555")
+    figure = style.new_figure(WIDTH, HEIGHT * (1.75 if progress else 1))
+    style.headline(figure, title)
+    figure.supxlabel(_note(curves), size=style.NOTE_SIZE, color="#555555")
     panels = figure.subplots(2 if progress else 1, 1, squeeze=False, sharex=True)[:, 0]
     _panel(panels[0], curves, ylabel, transfer_iterations)
     if transfer_iterations:
-        look.note(panels[0], "with the teacher", (0.5, 1), ("data", "axes fraction"), "#6b6550")
+        style.note(panels[0], "with the teacher", (0.5, 1), ("data", "axes fraction"), "#6b6550")
     if reference:
         _reference(panels[0], *reference)
     if progress:
@@ -59,8 +59,8 @@ def plot_curves(
         panels[1].set_ylim(-3, 103)
     for axes in panels:
         _name_lines(axes)
-    panels[-1].set_xlabel("iteration", size=look.TEXT_SIZE)
-    look.save(figure, path)
+    panels[-1].set_xlabel("iteration", size=style.TEXT_SIZE)
+    style.save(figure, path)
 
 
 def _seeds(values: ArrayLike) -> Floats:
@@ -87,8 +87,8 @@ def _panel(
     ylabel: str,
     transfer_iterations: int | None,
 ) -> None:
-    look.tidy(axes)
-    colours = look.colours_of(curves)
+    style.tidy(axes)
+    colours = style.colours_of(curves)
     if transfer_iterations:
         axes.axvspan(0.5, transfer_iterations + 0.5, color="#f3f0e6", linewidth=0, zorder=0)
     for label, seeds in curves.items():
@@ -98,7 +98,7 @@ def _panel(
     longest = max([1, *(seeds.shape[1] for seeds in curves.values())])
     axes.set_xlim(0.5, longest + 0.5)
     axes.xaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1, steps=[1, 2, 5, 10]))
-    axes.set_ylabel(ylabel, size=look.TEXT_SIZE)
+    axes.set_ylabel(ylabel, size=style.TEXT_SIZE)
     axes.grid(axis="y", color="#e6e6e6", linewidth=0.7)
     axes.set_axisbelow(True)
 
@@ -123,8 +123,8 @@ def _curve(axes: Axes, seeds: Floats, colour: str, label: str) -> None:
 
 def _reference(axes: Axes, value: float, name: str) -> None:
     """Draw a dashed line with its name at the left, where learning curves are low."""
-    axes.axhline(value, color=look.INK, linewidth=1, linestyle=(0, (5, 3)), zorder=1)
-    look.note(axes, name, (0, value), ("axes fraction", "data"))
+    axes.axhline(value, color=style.INK, linewidth=1, linestyle=(0, (5, 3)), zorder=1)
+    style.note(axes, name, (0, value), ("axes fraction", "data"))
 
 
 def _name_lines(axes: Axes) -> None:
@@ -143,8 +143,8 @@ def _name_lines(axes: Axes) -> None:
             (1.025, height),
             textcoords="axes fraction",
             va="center",
-            size=look.TEXT_SIZE,
-            color=look.darker(colour),
+            size=style.TEXT_SIZE,
+            color=style.darker(colour),
             arrowprops={
                 "arrowstyle": "-",
                 "linestyle": ":",

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-from repaint_cli.files import written_whole
-from repaint_cli.report.look import INK
+from repaint_cli.files.atomic import written_whole
+from repaint_cli.report.style import INK
 
 Frame = NDArray[np.uint8]
 """One picture, (H, W, 3)."""

@@ -14,12 +14,12 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from repaint_cli.envs.racer.car import ACTIONS, CAR_PROFILES, STEP_SECONDS, commands_of
-from repaint_cli.envs.racer.fleet import Fleet, Rows
-from repaint_cli.envs.racer.noise import Noise, disturb_command
-from repaint_cli.envs.racer.rules import IN_PROGRESS, TIME_UP
-from repaint_cli.envs.racer.sensors import SENSORS, Sensors, Sights
-from repaint_cli.envs.racer.track import Floats, Track
+from repaint_cli.envs.racer.dynamics.car import ACTIONS, CAR_PROFILES, STEP_SECONDS, commands_of
+from repaint_cli.envs.racer.dynamics.fleet import Fleet, Rows
+from repaint_cli.envs.racer.dynamics.rules import IN_PROGRESS, TIME_UP
+from repaint_cli.envs.racer.sight.noise import Noise, disturb_command
+from repaint_cli.envs.racer.sight.sensors import SENSORS, Sensors, Sights
+from repaint_cli.envs.racer.track.track import Floats, Track
 
 START_PLACES = 20
 """Evenly spaced places on the lap, of which each episode draws its start."""

@@ -4,9 +4,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from repaint_cli.envs.racer.fleet import Fleet, Rows
-from repaint_cli.envs.racer.rules import IN_PROGRESS
-from repaint_cli.envs.racer.track import Floats
+from repaint_cli.envs.racer.dynamics.fleet import Fleet, Rows
+from repaint_cli.envs.racer.dynamics.rules import IN_PROGRESS
+from repaint_cli.envs.racer.track.track import Floats
 
 LOOK_AHEAD = 0.5
 """How far ahead along the centre line a car aims, m."""

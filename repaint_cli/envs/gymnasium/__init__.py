@@ -1,0 +1,1 @@
+"""Any environment of Gymnasium, by its id."""

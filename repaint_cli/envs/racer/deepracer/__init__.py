@@ -1,0 +1,1 @@
+"""DeepRacer's own formats: params, reward functions, model files, logs."""

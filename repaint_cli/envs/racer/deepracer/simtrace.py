@@ -1,0 +1,274 @@
+"""Logs as DeepRacer writes them, for its community's tools: a folder as `deepracer-utils` reads it.
+
+training-simtrace/{k}-iteration.csv                         every training step, k from 0
+evaluation-{stamp}/evaluation-simtrace/0-iteration.csv      every step of `repaint eval`
+metrics/TrainingMetrics.json                                an entry per episode
+model/model_metadata.json  ip/hyperparameters.json  reward_function.py
+"""
+
+import csv
+import io
+import json
+import re
+from array import array
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import groupby, islice
+from operator import itemgetter
+from pathlib import Path
+from time import time
+from typing import Any
+
+import numpy as np
+
+from repaint_cli.envs.racer.deepracer.model_files import hyperparameters, model_metadata
+from repaint_cli.envs.racer.deepracer.traces import Trace
+from repaint_cli.envs.racer.track.files import load_track
+from repaint_cli.envs.simulator import RacerEnv
+from repaint_cli.errors import CheckpointError, StoreError
+from repaint_cli.files.atomic import as_json, write_text, written_to
+from repaint_cli.files.limits import read_json, read_rows, read_text
+from repaint_cli.tasks.task import TaskCard
+
+COLUMNS = (
+    "episode", "steps", "X", "Y", "yaw", "steer", "throttle", "action", "reward", "done",
+    "all_wheels_on_track", "progress", "closest_waypoint", "track_len", "tstamp", "episode_status",
+    "pause_duration", "obstacle_crash_counter", "wall_clock",
+)  # fmt: skip
+"""Of a simtrace, in DeepRacer's order."""
+
+NUMBERS = (
+    "X", "Y", "yaw", "steer", "throttle", "action", "reward", "progress", "closest_waypoint",
+    "obstacle_crash_counter",
+)  # fmt: skip
+"""Those of them that a trace is made of; older logs have no crashes."""
+
+MOST_EPISODES = 10_000
+"""In a file; each is many arrays."""
+
+TRAINING, METRICS = "training-simtrace", "metrics/TrainingMetrics.json"
+
+START: Mapping[str, float] = {"clock": 0.0, "episodes": 0, "noted": 0}
+"""How far a log is before anything was driven."""
+
+
+class Simtrace:
+    """One car's log folder; its clock runs on from episode to episode, in simulated seconds."""
+
+    def __init__(self, folder: Path, task: TaskCard, *, resumed: bool = False) -> None:
+        """Write what does not change; the folder may hold earlier logs of the same settings.
+
+        Args:
+            folder: where.
+            task: a racing task.
+            resumed: whether the folder is the task's own, as `go_back` needs it.
+
+        Raises:
+            StoreError: the folder cannot be written, or holds logs of other settings.
+        """
+        from repaint_cli.envs.racer.dynamics.car import STEP_SECONDS
+
+        assert isinstance(task.env, RacerEnv)
+        self.folder = folder
+        self._step = STEP_SECONDS
+        self._per_iteration = task.ppo.n_episodes or 0
+        self._length = load_track(task.env.track).length
+        self._clock, self._episodes = 0.0, 0
+        self._metrics: list[dict[str, Any]] = []
+        self._write_settings(task, task.env, resumed)
+
+    @property
+    def position(self) -> dict[str, float]:
+        """How far the log is, for `go_back`."""
+        return {"clock": self._clock, "episodes": self._episodes, "noted": len(self._metrics)}
+
+    def go_back(self, k: int, position: Mapping[str, float]) -> None:
+        """Forget what was logged after iteration k, when the log was at `position`.
+
+        Raises:
+            CheckpointError: its metrics are damaged.
+        """
+        path, noted = self.folder / METRICS, int(position["noted"])
+        try:
+            text = path.read_text(encoding="utf-8") if noted else '{"metrics": []}'
+            metrics = json.loads(text)["metrics"][:noted]
+        except (OSError, ValueError, LookupError, TypeError) as error:
+            raise CheckpointError(f"{path} is damaged: {error}") from error
+        if len(metrics) < noted:
+            raise CheckpointError(
+                f"{path} is damaged: expected {noted} episodes after iteration {k}"
+            )
+        self._metrics, self._clock = metrics, position["clock"]
+        self._episodes = int(position["episodes"])
+        for file in (self.folder / TRAINING).glob("*-iteration.csv"):
+            if _ITERATION(file.name) and int(file.name.partition("-")[0]) >= k:
+                with written_to(file):
+                    file.unlink()
+        if noted:
+            self._write_metrics()
+
+    def train(self, k: int, traces: Sequence[Trace]) -> None:
+        """Log the training episodes of iteration k, from 1.
+
+        Episodes are numbered as if every iteration had as many, also one in which only the teacher
+        drove, since the tools divide by that number.
+        """
+        first = max(self._episodes, (k - 1) * self._per_iteration)
+        text = self._table(traces, first, "training")
+        write_text(self.folder / TRAINING / f"{k - 1}-iteration.csv", text)
+        self._episodes = first + len(traces)
+        self._write_metrics()
+
+    def evaluate(self, k: int, traces: Sequence[Trace]) -> None:
+        """Note how the evaluation after iteration k went, in the metrics alone like DeepRacer."""
+        for trace in traces:
+            self._note(max(self._episodes, k * self._per_iteration), trace, "evaluation")
+        self._write_metrics()
+
+    def evaluate_alone(self, stamp: str, traces: Sequence[Trace]) -> list[Path]:
+        """Log the episodes of `repaint eval`; return the files.
+
+        A folder without a training gets them in place of one: that is what tools open first.
+
+        Args:
+            stamp: 14 digits, the time.
+            traces: an episode each.
+        """
+        places = [f"evaluation-{stamp}/evaluation-simtrace/0-iteration.csv"]
+        alone = not self._holds_training()
+        if alone:
+            places.append(f"{TRAINING}/0-iteration.csv")
+        text = self._table(traces, 0, "evaluation")
+        for place in places:
+            write_text(self.folder / place, text)
+        if alone:
+            self._write_metrics()
+            places.append(METRICS)
+        return [self.folder / place for place in places]
+
+    def _holds_training(self) -> bool:
+        """Tell whether the folder's log is of a training, and not of an earlier evaluation."""
+        try:
+            noted = read_json(self.folder / METRICS, StoreError)["metrics"]
+            return any(item["phase"] == "training" for item in noted)
+        except (StoreError, LookupError, TypeError):
+            return (self.folder / TRAINING).is_dir()
+
+    def _write_settings(self, task: TaskCard, env: RacerEnv, known: bool) -> None:
+        deep = len(task.net.eyes.layers) > 3
+        texts = {
+            "model/model_metadata.json": as_json(model_metadata(env.actions, env.sensors, deep)),
+            "ip/hyperparameters.json": as_json(hyperparameters(task.ppo)),
+            "reward_function.py": task.reward_code.source if task.reward_code else None,
+        }
+        for place, text in texts.items():
+            path = self.folder / place
+            used = (self.folder / TRAINING).is_dir() and not known
+            if used and (read_text(path, StoreError) if path.exists() else None) != text:
+                raise StoreError(
+                    f"{self.folder} holds logs of other settings: its {place} differs; "
+                    "name another folder"
+                )
+        for place, text in texts.items():
+            if text is not None:
+                write_text(self.folder / place, text)
+
+    def _table(self, traces: Sequence[Trace], first: int, phase: str) -> str:
+        """Return the rows of some episodes as CSV, and note the episodes."""
+        text = io.StringIO()
+        writer = csv.writer(text, lineterminator="\n")
+        writer.writerow(COLUMNS)
+        for i, trace in enumerate(traces):
+            writer.writerows(self._rows(first + i, trace))
+            self._note(first + i + 1, trace, phase, trial=i + 1)
+        return text.getvalue()
+
+    def _rows(self, episode: int, trace: Trace) -> Iterator[tuple[Any, ...]]:
+        """Yield the rows of an episode; the first is "prepare", where the tools start the clock."""
+        last, now = len(trace) - 1, f"{time():.3f}"
+        for t in range(len(trace)):
+            status = trace.status if t == last else "in_progress" if t else "prepare"
+            yield (
+                episode, f"{t + 1:.1f}", f"{trace.x[t]:.4f}", f"{trace.y[t]:.4f}",
+                f"{trace.yaw[t]:.4f}", f"{trace.steer[t]:.2f}", f"{trace.throttle[t]:.2f}",
+                trace.action[t], f"{trace.reward[t]:.6g}",
+                t == last and trace.status != "in_progress", bool(trace.all_wheels_on_track[t]),
+                f"{trace.progress[t]:.4f}", trace.closest_waypoint[t], f"{self._length:.4f}",
+                f"{self._clock + t * self._step:.4f}", status, "0.0", trace.crashes[t], now,
+            )  # fmt: skip
+
+    def _note(self, episode: int, trace: Trace, phase: str, trial: int | None = None) -> None:
+        """Add an episode to the metrics, and its time to the clock."""
+        seconds = len(trace) * self._step
+        self._metrics.append({
+            "reward_score": round(float(trace.reward.sum()), 4),
+            "metric_time": round(1000 * (self._clock + seconds)),
+            "start_time": round(1000 * self._clock),
+            "elapsed_time_in_milliseconds": round(1000 * seconds),
+            "episode": episode,
+            "trial": trial or self._per_iteration or episode,
+            "phase": phase,
+            "completion_percentage": int(np.clip(trace.progress[-1], 0, 100)),
+            "episode_status": trace.status.replace("_", " ").capitalize(),
+        })  # fmt: skip
+        self._clock += seconds
+
+    def _write_metrics(self) -> None:
+        data = {"metrics": self._metrics, "version": 2.0, "best_model_metric": "progress"}
+        write_text(self.folder / METRICS, as_json(data))
+
+
+def log_folders(run: Path, seeds: Sequence[int]) -> list[Path]:
+    """Return where a run on the racer keeps each seed's logs."""
+    return [run / "deepracer" / f"seed-{seed}" for seed in seeds]
+
+
+def read_training(folder: Path) -> Iterator[tuple[int, list[Trace]]]:
+    """Yield the training episodes of a log folder by iteration, k from 1, in order."""
+    files = [path for path in folder.glob(f"{TRAINING}/*-iteration.csv") if _ITERATION(path.name)]
+    for path in sorted(files, key=lambda file: int(file.name.partition("-")[0])):
+        yield int(path.name.partition("-")[0]) + 1, read_simtrace(path)
+
+
+_ITERATION = re.compile(r"[0-9]{1,9}-iteration\.csv").fullmatch
+
+
+def read_simtrace(path: Path) -> list[Trace]:
+    """Read a file of ours or of DeepRacer's.
+
+    Raises:
+        CheckpointError: it cannot be read, or holds something else.
+    """
+    needed = ("episode", "episode_status", *NUMBERS[:-1])
+    found = groupby(read_rows(path, CheckpointError, needed), key=itemgetter("episode"))
+    try:
+        traces = [_trace(rows) for _, rows in islice(found, MOST_EPISODES + 1)]
+    except ValueError as error:
+        raise CheckpointError(f"{path} is damaged: {error!s:.200}") from error
+    if len(traces) > MOST_EPISODES:
+        raise CheckpointError(f"{path}: expected at most {MOST_EPISODES:,} episodes, found more")
+    return traces
+
+
+def _trace(rows: Iterator[dict[str, str]]) -> Trace:
+    """Return the trace of an episode; a log is long, so nothing but numbers is kept meanwhile."""
+    numbers, status = array("d"), ""
+    for row in rows:
+        numbers.extend(float(row.get(name) or 0) for name in NUMBERS)
+        numbers.append(row.get("all_wheels_on_track") == "True")
+        status = row["episode_status"]
+    table = np.frombuffer(numbers).reshape(-1, len(NUMBERS) + 1)
+    if (
+        not -(2**53) < table.min() <= table.max() < 2**53
+    ):  # nan neither; some of them count something
+        raise ValueError("expected numbers within 2^53")
+    whole = dict(zip((*NUMBERS, "on"), table.T, strict=True))
+    return Trace(
+        **{name.lower(): whole[name] for name in ("X", "Y", "yaw", "steer", "throttle")},
+        action=whole["action"].astype(int),
+        reward=whole["reward"],
+        all_wheels_on_track=whole["on"] == 1,
+        progress=whole["progress"],
+        closest_waypoint=whole["closest_waypoint"].astype(int),
+        crashes=whole["obstacle_crash_counter"].astype(int),
+        status=status,
+    )

@@ -1,0 +1,95 @@
+"""A track from above with the paths of cars, a panel an evaluation. Metres and m/s.
+
+**E** episodes · **T** steps · **M** corners of a border.
+"""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import Normalize, to_rgb
+
+from repaint_cli.envs.racer.road import draw_road, lane_patches
+from repaint_cli.envs.racer.sweep import cell_of, sweep
+from repaint_cli.report import style
+from repaint_cli.report.markers import CRASH, EXIT, START, legend, sign
+from repaint_cli.report.paths import (
+    Paths,
+    colour_bar,
+    coloured_paths,
+    ends_of,
+    frame,
+    grid,
+    mark,
+    scale_of,
+)
+from repaint_cli.statistics import Floats
+
+PASSAGE = 0.35
+"""How much of the ground one car's passage hides."""
+
+
+def plot_racer(
+    panels: Sequence[Paths],
+    inner: Floats,
+    outer: Floats,
+    centre: Floats,
+    path: Path,
+    title: str,
+    unit: str = "speed [m/s]",
+) -> None:
+    """Draw the track from above with paths as wide as the car, one panel a checkpoint.
+
+    Args:
+        panels: what to draw, in reading order.
+        inner: border on the infield side, (M, 2), m.
+        outer: border on the outfield side, (M, 2), m.
+        centre: centre line, (M, 2), m.
+        path: of the PNG.
+        title: over the whole figure.
+        unit: what the colours are.
+
+    Raises:
+        StoreError: the file cannot be written.
+    """
+    points = np.concatenate([inner, outer, *(paths.xy.reshape(-1, 2) for paths in panels)])
+    low, high = np.nanmin(points, axis=0) - 0.2, np.nanmax(points, axis=0) + 0.2
+    width, height = high - low
+    figure, panes = grid(len(panels), float(np.clip(height / width, 0.4, 1.4)), title)
+    scale, extend = scale_of(panels)
+    for axes, paths in zip(panes, panels, strict=True):
+        draw_road(axes, inner, outer, centre)
+        _swept(axes, paths, scale, low, high)
+        coloured_paths(axes, paths.xy, paths.values, scale)
+        _starts_and_exits(axes, paths)
+        frame(axes, paths.label, low, high)
+    if any(paths.values is not None for paths in panels):
+        colour_bar(figure, panes, scale, unit, extend)
+    signs = [sign("start", START), sign("left the track", EXIT)]
+    if any(paths.crashed is not None and paths.crashed.any() for paths in panels):
+        signs.append(sign("crashed", CRASH))
+    legend(figure, [*lane_patches(), *signs])
+    style.save(figure, path)
+
+
+def _swept(axes: Axes, paths: Paths, scale: Normalize, low: Floats, high: Floats) -> None:
+    """Colour what the cars swept by the mean value there, fuller where more of them passed."""
+    known = paths.values is not None
+    values = paths.values if paths.values is not None else np.zeros(paths.xy.shape[:2])
+    passed, means = sweep(paths.xy, values, low, high)
+    colours = style.ramp()(scale(np.nan_to_num(means)), bytes=True)  # (rows, columns, 4) uint8
+    if not known:
+        colours[..., :3] = 255 * np.array(to_rgb(style.METHOD_COLOURS["repaint"]))
+    colours[..., 3] = 255 * (1 - (1 - PASSAGE) ** passed)
+    (rows, columns), cell = passed.shape, cell_of(low, high)
+    extent = (low[0], low[0] + columns * cell, low[1], low[1] + rows * cell)
+    axes.imshow(colours, extent=extent, origin="lower", zorder=2.5, interpolation="bilinear")
+
+
+def _starts_and_exits(axes: Axes, paths: Paths) -> None:
+    mark(axes, paths.xy[:, 0], START)
+    if paths.ended_off is not None:
+        mark(axes, ends_of(paths.xy)[np.asarray(paths.ended_off, dtype=bool)], EXIT)
+    if paths.crashed is not None:
+        mark(axes, ends_of(paths.xy)[np.asarray(paths.crashed, dtype=bool)], CRASH)

@@ -1,0 +1,1 @@
+"""What the car's camera and lidar see."""

@@ -1,0 +1,182 @@
+"""The camera: 160 × 120 grey pixels of flat ground, four walls and a sky. Metres, radians.
+
+The camera is fixed to the car and the ground is flat, so every row of pixels looks at one line of
+the car's frame, and a picture is a straight walk through the painted ground for each row. Rows
+above the horizon do the same with the plane at the height of the walls' tops: what meets that plane
+inside the field is sky.
+"""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from repaint_cli.envs.racer.sight.ground import LEVELS, TEXEL
+from repaint_cli.kernels import kernel
+
+WIDTH, HEIGHT = 160, 120
+CAMERA_X, CAMERA_Z = 0.14529379, 0.13032555
+"""Ahead of the car's base, and above the ground, m."""
+PITCH = 0.2618
+"""Downwards, rad."""
+HORIZONTAL_VIEW = 1.13
+"""Angle of view from left to right, rad."""
+FOCAL = WIDTH / 2 / np.tan(HORIZONTAL_VIEW / 2)
+"""In pixels."""
+WALL_HEIGHT = 1.0
+SKY = 175
+WALLS = np.array([24, 36, 48, 60], dtype=np.uint8)
+"""Grey levels at least x, greatest x, least y, greatest y; unequal, to tell directions."""
+WALLS.flags.writeable = False
+
+EYES = (0.0,)
+"""How far left of the car's middle the single camera is, m."""
+STEREO_EYES = (0.03, -0.03)
+"""The same of the two, left and right."""
+
+AHEAD, SIDE, LEVEL, SIZE, SKYWARD = range(5)
+"""Columns of `row_table`."""
+
+
+def lens() -> NDArray[np.float64]:
+    """Return the camera's numbers as kernels read them, (6,).
+
+    They are how far ahead of the base and how high it is (m), its pitch (rad), the tangents of half
+    its angles of view, and its focal length in pixels.
+    """
+    half = np.array([WIDTH, HEIGHT]) / 2 / FOCAL
+    return np.array([CAMERA_X, CAMERA_Z, PITCH, *half, FOCAL])
+
+
+def row_table() -> NDArray[np.float64]:
+    """Tabulate what each row of pixels looks at, (120, 5).
+
+    Returns:
+        AHEAD: the row's line in the car's frame, x ahead of the base, m;
+        SIDE: how far apart its pixels lie on that line, m (the first is farthest left);
+        LEVEL: which copy of the ground has texels of that size;
+        SIZE: the edge of its texels, m;
+        SKYWARD: 1 for rows above the horizon, which look at the plane of the walls' tops.
+    """
+    down = (np.arange(HEIGHT) + 0.5 - HEIGHT / 2) / FOCAL  # (120,)
+    sink = np.sin(PITCH) + down * np.cos(PITCH)  # of a ray, per unit along the optical axis
+    skyward = sink < 0
+    reach = np.where(skyward, CAMERA_Z - WALL_HEIGHT, CAMERA_Z) / sink
+    side = reach / FOCAL
+    level = np.clip(np.floor(np.log2(side / TEXEL)), 0, LEVELS - 1)
+    ahead = CAMERA_X + reach * (np.cos(PITCH) - down * np.sin(PITCH))
+    return np.stack([ahead, side, level, TEXEL * 2**level, skyward], axis=1)
+
+
+@kernel
+def _inside_span(start: float, step: float, low: float, high: float) -> tuple[int, int]:
+    """Return the first pixel k and the end of those with low < start + k·step < high."""
+    if step == 0.0:
+        return (0, WIDTH) if low < start < high else (0, 0)
+    a, b = (low - start) / step, (high - start) / step
+    first = np.floor(min(a, b)) + 1.0
+    end = np.ceil(max(a, b))
+    return int(min(max(first, 0.0), WIDTH)), int(min(max(end, 0.0), WIDTH))
+
+
+@kernel
+def _wall_luma(
+    x: float, y: float, dx: float, dy: float, field: np.ndarray, walls: np.ndarray
+) -> Any:
+    """Return the grey level of the wall that a ray from (x, y) towards (dx, dy) meets first."""
+    to_x = field[2] - x if dx > 0.0 else x - field[0]
+    to_y = field[3] - y if dy > 0.0 else y - field[1]
+    if to_x * abs(dy) < to_y * abs(dx):
+        return walls[1] if dx > 0.0 else walls[0]
+    return walls[3] if dy > 0.0 else walls[2]
+
+
+@kernel
+def _ground_span(
+    line: np.ndarray, first: int, end: int, u: float, v: float, du: float, dv: float, level: Any
+) -> None:
+    """Fill pixels first..end of a line by bilinear look-ups at texel (u + k·du, v + k·dv)."""
+    # unsigned: numba need not look for negative indices
+    one, half = np.uint32(1), np.float32(0.5)
+    u0, v0, du0, dv0 = np.float32(u), np.float32(v), np.float32(du), np.float32(dv)
+    for k in range(first, end):
+        uk, vk = u0 + np.float32(k) * du0, v0 + np.float32(k) * dv0
+        c, r = (
+            np.uint32(np.int32(uk)),
+            np.uint32(np.int32(vk)),
+        )
+        fu, fv = uk - np.float32(c), vk - np.float32(r)
+        a, b = np.float32(level[r, c]), np.float32(level[r, c + one])
+        low = a + fu * (b - a)
+        a, b = np.float32(level[r + one, c]), np.float32(level[r + one, c + one])
+        line[k] = np.uint8(np.int32(low + fv * (a + fu * (b - a) - low) + half))
+
+
+@kernel
+def render(
+    state: np.ndarray,
+    eye_side: float,
+    table: np.ndarray,
+    levels: tuple[np.ndarray, ...],
+    origin: np.ndarray,
+    field: np.ndarray,
+    walls: np.ndarray,
+    image: np.ndarray,
+) -> None:
+    """Draw what the camera of one car sees.
+
+    Args:
+        state: the car's x, y (m) and heading (rad) first, (5,).
+        eye_side: how far left of the car's middle the camera is, m.
+        table: `row_table()`, (120, 5).
+        levels: `Ground.levels`.
+        origin: `Ground.origin`, (2,), m.
+        field: `Ground.field`, (4,), m.
+        walls: `WALLS`, (4,).
+        image: filled, (120, 160) uint8.
+    """
+    cos, sin = np.cos(state[2]), np.sin(state[2])
+    eye_x = state[0] + CAMERA_X * cos - eye_side * sin
+    eye_y = state[1] + CAMERA_X * sin + eye_side * cos
+    for row in range(HEIGHT):
+        ahead, side = table[row, AHEAD], table[row, SIDE]
+        left = (WIDTH / 2 - 0.5) * side + eye_side
+        x, y = state[0] + ahead * cos - left * sin, state[1] + ahead * sin + left * cos
+        dx, dy = side * sin, -side * cos
+        first_x, end_x = _inside_span(x, dx, field[0], field[2])
+        first_y, end_y = _inside_span(y, dy, field[1], field[3])
+        first = max(first_x, first_y)
+        end = max(min(end_x, end_y), first)
+        line = image[row]
+        for k in range(first):
+            line[k] = _wall_luma(eye_x, eye_y, x + k * dx - eye_x, y + k * dy - eye_y, field, walls)
+        for k in range(end, WIDTH):
+            line[k] = _wall_luma(eye_x, eye_y, x + k * dx - eye_x, y + k * dy - eye_y, field, walls)
+        if table[row, SKYWARD] > 0.0:
+            line[first:end] = SKY
+            continue
+        size = table[row, SIZE]
+        u, v = (x - origin[0]) / size - 0.5, (y - origin[1]) / size - 0.5
+        _ground_span(line, first, end, u, v, dx / size, dy / size, levels[int(table[row, LEVEL])])
+
+
+@kernel
+def render_rows(
+    rows: np.ndarray,
+    states: np.ndarray,
+    eye_side: float,
+    table: np.ndarray,
+    levels: tuple[np.ndarray, ...],
+    origin: np.ndarray,
+    field: np.ndarray,
+    walls: np.ndarray,
+    images: np.ndarray,
+    channel: int,
+) -> None:
+    """Draw what some cars (K,) see into a channel of images (N, 120, 160, C).
+
+    See `render` for the other arguments.
+    """
+    for row in rows:
+        image = images[row, :, :, channel]
+        render(states[row], eye_side, table, levels, origin, field, walls, image)

@@ -1,0 +1,1 @@
+"""Tracks: their geometry, their files, a map."""

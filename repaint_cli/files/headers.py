@@ -1,0 +1,119 @@
+"""A safetensors file's JSON header, without its tensors."""
+
+import json
+import os
+import stat
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from safetensors import SafetensorError, safe_open
+
+from repaint_cli.errors import CheckpointError
+from repaint_cli.files.limits import LARGEST, check_file, parsed
+
+KEY = "repaint"
+"""Where our JSON stands in a safetensors header."""
+
+HASH = "sha256"
+"""Where in our JSON the hash of all that a file holds stands."""
+
+GLIMPSE = 2**16
+"""Bytes in which a teacher's header has room, many times over."""
+
+_JSON = json.JSONDecoder()
+
+
+def read_header(path: Path) -> dict[str, Any]:
+    """Read a safetensors file's JSON header alone; no tensor library is needed.
+
+    Raises:
+        CheckpointError: the file is absent, damaged, or not one of ours.
+    """
+    with opened(path, "numpy") as file:
+        return header_of(path, file)[0]
+
+
+def glimpse(path: Path) -> dict[str, Any]:
+    """Read a safetensors file's JSON header quickly and unchecked, for a list of thousands.
+
+    A file that is not whole may pass; `read_header` is for all that is more than shown.
+
+    Raises:
+        CheckpointError: there is no regular file, or no such header in its first 64 KiB.
+    """
+    try:
+        start = _start_of(path)
+        text = start[8 : 8 + int.from_bytes(start[:8], "little")].decode()
+        ours = text.index(f'"{KEY}":') + len(f'"{KEY}":')  # before the tensors, which may wait
+        header = json.loads(_JSON.raw_decode(text, ours)[0])
+    except (OSError, ValueError, LookupError, TypeError, RecursionError) as error:
+        raise CheckpointError(f"{path} has no header of ours: {error!r}") from error
+    if not isinstance(header, dict):
+        raise CheckpointError(f"{path} has no header of ours")
+    return header
+
+
+def _start_of(path: Path) -> bytes:
+    """Return a regular file's first bytes; a pipe or a device would keep us waiting."""
+    handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK)
+    try:
+        if not stat.S_ISREG(os.fstat(handle).st_mode):
+            raise OSError(f"{path} is no regular file")
+        return os.read(handle, GLIMPSE)
+    finally:
+        os.close(handle)
+
+
+def read_hash(path: Path) -> str | None:
+    """Return the hash that a file's header says its contents have; None of an earlier version.
+
+    Raises:
+        CheckpointError: the file is absent or damaged.
+    """
+    with opened(path, "numpy") as file:
+        return header_of(path, file)[1]
+
+
+@contextmanager
+def opened(path: Path, framework: str) -> Iterator[Any]:
+    """Open a safetensors file.
+
+    Raises:
+        CheckpointError: the file is absent or damaged.
+    """
+    if not os.path.exists(path):  # which takes any name
+        raise CheckpointError(f"expected a safetensors file at {path}, found none")
+    check_file(path, CheckpointError)
+    try:
+        with path.open("rb") as start:  # whose parser takes several times its length in memory
+            length = int.from_bytes(start.read(8), "little")
+        if length > LARGEST:
+            raise CheckpointError(
+                f"{path} is not a whole safetensors file (a header of more than {LARGEST:,} "
+                "bytes); copy or train it again"
+            )
+        with safe_open(path, framework=framework) as file:
+            yield file
+    except (SafetensorError, OSError) as error:
+        raise CheckpointError(
+            f"{path} is not a whole safetensors file ({error!s:.200}); copy or train it again"
+        ) from error
+
+
+def header_of(path: Path, file: Any) -> tuple[dict[str, Any], str | None]:
+    """Return our JSON from an opened file's header, and the hash in it; None before 0.1.0.
+
+    Raises:
+        CheckpointError: there is none.
+    """
+    text = (file.metadata() or {}).get(KEY)
+    foreign = f"{path} was not written by repaint: its header has no '{KEY}' JSON"
+    try:
+        header = parsed(text, "the header", CheckpointError) if text else None
+    except CheckpointError as error:
+        raise CheckpointError(f"{foreign} that can be read: {error}") from error
+    if not isinstance(header, dict):
+        raise CheckpointError(foreign)
+    return header, header.pop(HASH, None)

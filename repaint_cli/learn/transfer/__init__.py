@@ -1,0 +1,1 @@
+"""What teachers give, which of it is taken, and when."""

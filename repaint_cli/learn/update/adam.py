@@ -1,0 +1,74 @@
+"""Adam that moves some seeds' policies or critics and leaves the rest exactly where they are."""
+
+from collections.abc import Sequence
+
+import torch
+from torch import Tensor
+from torch.optim.adam import adam
+
+from repaint_cli.policies.networks import ActorCritic
+
+EPSILON = 1e-5
+"""Adam's ε, as PPO has it."""
+
+
+_Row = tuple[Tensor, ...]
+"""Parameters, gradients, moments and the count of steps of a policy or a critic."""
+
+
+class RowAdam:
+    """Adam over 2S rows, a policy and a critic per seed, each with its own count of steps.
+
+    A row that is left out of a step is frozen exactly: neither its weights nor its moments move.
+    That one mechanism serves "this seed has no minibatch left" and "teacher samples do not touch
+    the critic".
+    """
+
+    def __init__(self, student: ActorCritic, learning_rate: float) -> None:
+        cut, n_seeds = student.n_policy, student.n_seeds
+        self.first, self.second = (torch.zeros_like(student.storage) for _ in range(2))
+        self.steps = torch.zeros(2, n_seeds)
+        flat = (student.storage, student.gradients, self.first, self.second)
+        self._rows = [
+            (*(buffer[s, half] for buffer in flat), self.steps[row, s])
+            for row, half in enumerate((slice(None, cut), slice(cut, None)))
+            for s in range(n_seeds)
+        ]
+        self.learning_rate = learning_rate
+
+    def step(self, policies: Sequence[bool], critics: Sequence[bool], scale: float = 1.0) -> None:
+        """Move the named policies and critics, (S,) each; policies at `scale` times the rate."""
+        n = len(policies)
+        if scale == 1:
+            self._move(self._rows, [*policies, *critics], 1.0)
+        else:
+            self._move(self._rows[:n], policies, scale)
+            self._move(self._rows[n:], critics, 1.0)
+
+    def _move(self, named: Sequence[_Row], moving: Sequence[bool], scale: float) -> None:
+        rows = [row for row, moves in zip(named, moving, strict=True) if moves]
+        if not rows:
+            return
+        parameters, gradients, first, second, steps = map(list, zip(*rows, strict=True))
+        with torch.no_grad():  # torch.optim.Adam's own arithmetic; the class imports a compiler
+            adam(
+                parameters, gradients, first, second, [], steps, fused=True, amsgrad=False,
+                beta1=0.9, beta2=0.999, lr=self.learning_rate * scale, weight_decay=0.0,
+                eps=EPSILON, maximize=False,
+            )  # fmt: skip
+
+    def state(self) -> dict[str, Tensor]:
+        """Return the moments, (S, P) each, and how many steps policies and critics took, (2, S)."""
+        return {"first": self.first, "second": self.second, "steps": self.steps}
+
+    def load(self, state: dict[str, Tensor]) -> None:
+        """Put moments and step counts in place.
+
+        Raises:
+            ValueError: they are of another network or other seeds.
+        """
+        for name, tensor in self.state().items():
+            if state[name].shape != tensor.shape:
+                found, wanted = tuple(state[name].shape), tuple(tensor.shape)
+                raise ValueError(f"the optimiser's {name} is {found}, wanted {wanted}")
+            tensor.copy_(state[name])

@@ -1,0 +1,1 @@
+"""The update of small dense networks, with derivatives by hand."""

@@ -1,0 +1,67 @@
+"""Which layers a policy and a critic have: the [net] section of a card."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+from pydantic import Field, PositiveFloat, PositiveInt
+
+from repaint_cli.settings import Settings
+
+Convolution = tuple[PositiveInt, PositiveInt, PositiveInt]
+"""Filters, kernel, stride."""
+
+
+@dataclass(frozen=True)
+class Eyes:
+    """The convolutions of a camera network."""
+
+    layers: tuple[Convolution, ...]
+    """(filters, kernel, stride) of each."""
+    tanh: bool = False
+    """Whether tanh follows each layer instead of ReLU."""
+    dense: int | None = None
+    """Width of a dense layer behind them, if any."""
+
+
+EYES = {
+    "3-layer": Eyes(((32, 8, 4), (64, 4, 2), (64, 3, 1))),
+    "4-layer": Eyes(((32, 5, 2), (32, 3, 1), (64, 3, 2), (64, 3, 1)), tanh=True, dense=64),
+    "5-layer": Eyes(((32, 3, 1), (64, 3, 2), (64, 3, 1), (128, 3, 2), (128, 3, 1))),
+}
+"""DeepRacer's three camera networks, which the paper names by their number of layers."""
+
+
+class NetConfig(Settings):
+    """The policy's and the critic's networks."""
+
+    kind: Literal["mlp", "cnn"] = "mlp"
+    """Dense layers on a vector, or convolutions on an image."""
+    hidden: tuple[PositiveInt, ...] = (64, 64)
+    """Widths of the dense layers of an `mlp`."""
+    value_hidden: tuple[PositiveInt, ...] | None = None
+    """Those of its critic, where they are others."""
+    activation: Literal["tanh", "relu", "elu"] = "tanh"
+    """What follows the dense layers of an `mlp`."""
+    obs_clip: PositiveFloat | Literal["none"] = 5.0
+    """Normalised vectors are clipped to ± this."""
+    obs_min_std: float = Field(0.1, ge=0)
+    """The least standard deviation that vectors are divided by."""
+    conv: Literal["3-layer", "4-layer", "5-layer"] | tuple[Convolution, ...] = "3-layer"
+    """One of the paper's by name, or (filters, kernel, stride) of each ReLU convolution."""
+    dense: int = Field(512, gt=0)
+    """Width of the ReLU layer between the convolutions and the head."""
+    pool: int = Field(2, ge=1)
+    """Side of the squares of pixels averaged before the convolutions; 1 is the paper's size."""
+    shared: bool = False
+    """Whether policy and critic share the convolutions."""
+
+    def widths(self, tower: Literal["policy", "value"]) -> tuple[int, ...]:
+        """Return the widths of the dense layers of an `mlp`'s policy or critic."""
+        if tower == "policy" or self.value_hidden is None:
+            return self.hidden
+        return self.value_hidden
+
+    @property
+    def eyes(self) -> Eyes:
+        """The convolutions of a `cnn`."""
+        return EYES[self.conv] if isinstance(self.conv, str) else Eyes(self.conv)

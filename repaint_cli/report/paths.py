@@ -1,0 +1,133 @@
+"""Paths of evaluated episodes, a panel an evaluation: what such figures have in common. Metres.
+
+**E** episodes · **T** steps.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.collections import LineCollection
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
+
+from repaint_cli.report import style
+from repaint_cli.report.markers import Sign
+from repaint_cli.statistics import Floats
+
+MAX_COLUMNS = 3
+LEAST_SPAN = 0.1
+"""Of a scale, as a share of its largest number: noise is not to fill it with colours."""
+FEW = 8
+"""Different values that all have a place on a scale."""
+
+
+@dataclass(frozen=True)
+class Paths:
+    """The paths of one evaluation: one panel."""
+
+    xy: Floats
+    """Positions (E, T, 2), m; nan after an episode's end."""
+    label: str
+    """Over the panel: "iteration 5 · return 212 · progress 63 %"."""
+    values: Floats | None = None
+    """What colours the steps, (E, T), such as speed or reward; nan after an episode's end."""
+    target: Floats | None = None
+    """Where each episode's path should lead, (E, 2), m."""
+    ended_off: np.ndarray | None = None
+    """Which episodes ended off the track, (E,) bool."""
+    crashed: np.ndarray | None = None
+    """Which ended in a crash, (E,) bool."""
+
+    def __post_init__(self) -> None:
+        n_episodes, n_steps, two = self.xy.shape
+        wanted = {
+            "values": (n_episodes, n_steps),
+            "target": (n_episodes, 2),
+            "ended_off": (n_episodes,),
+            "crashed": (n_episodes,),
+        }
+        for name, shape in wanted.items():
+            found = getattr(self, name)
+            if two != 2 or (found is not None and np.shape(found) != shape):
+                raise ValueError(f"{name} is {np.shape(found)} beside paths {self.xy.shape}")
+
+
+def grid(n_panels: int, aspect: float, title: str) -> tuple[Figure, list[Axes]]:
+    """Return a figure with so many panels of height/width `aspect`, at most three a row."""
+    columns = 2 if n_panels == 4 else max(1, min(n_panels, MAX_COLUMNS))
+    rows = max(1, -(-n_panels // columns))
+    side = {1: 5.6, 2: 4.3}.get(columns, 3.6)
+    figure = style.new_figure(columns * side + 1.2, rows * (side * aspect + 0.35) + 1.1)
+    style.headline(figure, title)
+    places = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True).ravel()
+    for empty in places[n_panels:]:
+        empty.set_visible(False)
+    for i, axes in enumerate(places[:n_panels]):
+        axes.tick_params(labelbottom=i + columns >= n_panels)
+        axes.set_xlabel("x [m]" if i + columns >= n_panels else "", size=style.NOTE_SIZE)
+        axes.set_ylabel("y [m]" if i % columns == 0 else "", size=style.NOTE_SIZE)
+    return figure, list(places[:n_panels])
+
+
+def frame(axes: Axes, label: str, low: Floats, high: Floats) -> None:
+    """Name a panel and show what lies between two corners (2,), m, at the same scale both ways."""
+    style.tidy(axes)
+    axes.set_title(label, size=style.TEXT_SIZE - 0.5, color=style.INK)
+    axes.set_aspect("equal", adjustable="box")
+    axes.set_xlim(low[0], high[0])
+    axes.set_ylim(low[1], high[1])
+
+
+def scale_of(panels: Sequence[Paths]) -> tuple[Normalize, str]:
+    """Return one scale for all panels, without the outer 2 % of many values, and what overflows."""
+    known = [np.ravel(paths.values) for paths in panels if paths.values is not None]
+    values = np.concatenate([*known, np.empty(0)])
+    values = values[np.isfinite(values)]
+    if len(values) == 0:
+        return Normalize(0, 1), "neither"
+    most = [2, 98] if len(np.unique(values)) > FEW else [0, 100]
+    low, high = (float(end) for end in np.percentile(values, most))
+    least = LEAST_SPAN * max(abs(low), abs(high)) or 1.0
+    if high - low < least:
+        low, high = low - least / 2, high + least / 2
+    below, above = bool(values.min() < low), bool(values.max() > high)
+    return Normalize(low, high), {(1, 1): "both", (1, 0): "min", (0, 1): "max"}.get(
+        (below, above), "neither"
+    )
+
+
+def coloured_paths(axes: Axes, xy: Floats, values: Floats | None, scale: Normalize) -> None:
+    """Draw every step as a short line in the colour of its value; nan ends a path."""
+    segments = np.stack([xy[:, :-1], xy[:, 1:]], axis=2).reshape(-1, 2, 2)  # (E·(T−1), 2, 2)
+    whole = np.isfinite(segments).all(axis=(1, 2))
+    lines = LineCollection(list(segments[whole]), linewidths=1.0, capstyle="round", zorder=3)
+    if values is None:
+        lines.set_color(style.METHOD_COLOURS["repaint"])
+    else:
+        lines.set(array=values[:, 1:].reshape(-1)[whole], cmap=style.ramp(), norm=scale)
+    axes.add_collection(lines, autolim=False)
+
+
+def ends_of(xy: Floats) -> Floats:
+    """Return the last known point of each episode that has one, else nan, (E, 2)."""
+    known = ~np.isnan(xy[:, :, 0])  # (E, T)
+    last = known.shape[1] - 1 - np.argmax(known[:, ::-1], axis=1)
+    return np.asarray(xy[np.arange(len(xy)), last])
+
+
+def mark(axes: Axes, points: Floats, drawn_as: Sign) -> None:
+    """Put a marker at each of some points, (E, 2)."""
+    axes.plot(*points.T, linestyle="none", zorder=5, **drawn_as)
+
+
+def colour_bar(figure: Figure, grid: list[Axes], scale: Normalize, label: str, extend: str) -> None:
+    """Draw the scale of a quantity beside all panels, with its name and unit."""
+    bar = figure.colorbar(
+        ScalarMappable(scale, style.ramp()), ax=grid, extend=extend, shrink=0.8, aspect=28, pad=0.02
+    )
+    bar.set_label(label, size=style.TEXT_SIZE)
+    bar.ax.tick_params(labelsize=style.NOTE_SIZE)
+    bar.outline.set_visible(False)

@@ -1,0 +1,105 @@
+"""The house look of every figure: colours that the colour-blind can tell apart, sizes, saving.
+
+Figures are `matplotlib.figure.Figure` on the Agg canvas; pyplot and its global state stay out.
+"""
+
+from collections.abc import Iterable
+from itertools import cycle
+from pathlib import Path
+
+import matplotlib
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import Colormap, LinearSegmentedColormap, to_hex, to_rgb
+from matplotlib.figure import Figure
+
+from repaint_cli.files.atomic import written_whole
+
+INK, FAINT = "#222222", "#8c8c8c"
+TITLE_SIZE, TEXT_SIZE, NOTE_SIZE = 12, 10, 8.5
+DPI = 150
+
+METHOD_COLOURS = {  # Okabe and Ito's palette
+    "scratch": "#000000",
+    "warm-start": "#E69F00",
+    "kickstart": "#009E73",
+    "instance": "#CC79A7",
+    "repaint": "#0072B2",
+    "repaint-joint": "#56B4E9",
+}
+SPARE_COLOURS = ("#D55E00", "#999999", "#7A5195", "#8C6D31")
+
+
+def colours_of(labels: Iterable[str]) -> dict[str, str]:
+    """Give each label a colour: a method always its own, anything else one of the spare ones.
+
+    A label belongs to a method if its first word is the method's name: "repaint ζ 0.4" is blue.
+    """
+    spare, given = cycle(SPARE_COLOURS), dict[str, str]()
+    for label in labels:
+        colour = METHOD_COLOURS.get(label.split(" ")[0], "")
+        given[label] = colour if colour and colour not in given.values() else next(spare)
+    return given
+
+
+def darker(colour: str, share: float = 0.3) -> str:
+    """Mix a colour with black, so that text in it is readable on white."""
+    red, green, blue = to_rgb(colour)
+    return to_hex((red * (1 - share), green * (1 - share), blue * (1 - share)))
+
+
+def ramp() -> Colormap:
+    """Return the colours of a quantity: dark blue to light orange, readable on a grey road."""
+    stops = ["#0b1d51", "#3b3fa0", "#a02c8a", "#e0533d", "#ffc233"]
+    return LinearSegmentedColormap.from_list("repaint", stops)
+
+
+matplotlib.rcParams["text.parse_math"] = False  # names are drawn as they are, $ and all
+
+
+def new_figure(width: float, height: float) -> Figure:
+    """Make an empty white figure of so many inches."""
+    figure = Figure(figsize=(width, height), dpi=DPI, layout="constrained", facecolor="white")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def headline(figure: Figure, title: str) -> None:
+    """Write the figure's title, on more lines if it is longer than the figure is wide."""
+    figure.suptitle(title, size=TITLE_SIZE, weight="bold", color=INK, wrap=True)
+
+
+def tidy(axes: Axes) -> None:
+    """Leave only what helps to read the axes: two thin spines and small ticks."""
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.spines[["left", "bottom"]].set_color(FAINT)
+    axes.tick_params(colors=INK, color=FAINT, labelsize=NOTE_SIZE + 0.5)
+
+
+def note(
+    axes: Axes, text: str, at: tuple[float, float], units: tuple[str, str], colour: str = INK
+) -> None:
+    """Write small words just above and to the right of a point."""
+    axes.annotate(
+        text,
+        at,
+        (3, 3),
+        xycoords=units,
+        textcoords="offset points",
+        size=NOTE_SIZE,
+        color=colour,
+    )
+
+
+def save(figure: Figure, path: Path) -> None:
+    """Write a figure as a PNG or SVG in one step; the same figure always gives the same bytes.
+
+    Raises:
+        StoreError: the file cannot be written; what was there before is still there.
+    """
+    with written_whole(path) as scratch:
+        if path.suffix == ".svg":
+            with matplotlib.rc_context({"svg.hashsalt": "repaint", "svg.fonttype": "none"}):
+                figure.savefig(scratch, format="svg", metadata={"Date": None})
+        else:
+            figure.savefig(scratch, format="png", dpi=DPI, metadata={"Software": None})

@@ -1,0 +1,178 @@
+"""Negative transfer, noticed while it happens: what looks wrong in an iteration, and why."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass
+from math import exp
+from pathlib import Path
+
+import numpy as np
+
+from repaint_cli.errors import RepaintError
+from repaint_cli.runs.metrics import Report
+from repaint_cli.runs.reader import Run, read_run
+from repaint_cli.tasks.task import TaskCard
+
+RARE = -4.0
+"""Mean log ρ below which the loss on instances has next to no slope."""
+
+LARGE = 1e8
+"""Mean squared error of a critic in returns of 10,000 and more."""
+
+IN_A_ROW = 3
+"""Iterations under the reference before there is an alarm."""
+
+
+@dataclass(frozen=True)
+class Alarm:
+    """Something that looks like negative transfer, or like none."""
+
+    iteration: int
+    kind: str
+    text: str
+
+    def record(self) -> dict[str, object]:
+        """Return it as JSON."""
+        return asdict(self)
+
+
+def alarms_of(
+    report: Report, before: Sequence[np.ndarray], reference: np.ndarray | None, rule: str = "zeta"
+) -> list[Alarm]:
+    """Return what an iteration gives reason to say.
+
+    Args:
+        report: the iteration.
+        before: evaluated returns (S, E) after the ones before it, the last `IN_A_ROW` − 1 at least.
+        reference: evaluated mean returns (S, K) of a run from scratch on the same task, or None.
+        rule: of selection; for `auto` it is no alarm to keep nothing.
+    """
+    found = [] if len(before) else [*_of_the_scale(report)]
+    if "kept_reward" in report.stats.numbers:
+        found += [*_of_the_kept(report, rule), *_of_the_teachers(report)]
+        found += _of_the_outcome(report, before[-1:])
+    if reference is not None:
+        returns = [*before[1 - IN_A_ROW :], report.evaluation.returns]
+        found += _of_the_reference(returns, report.stats.iteration, reference)
+    k = report.stats.iteration
+    return [Alarm(k, kind, f"iteration {k}: {text}") for kind, text in found]
+
+
+def _of_the_scale(report: Report) -> Iterator[tuple[str, str]]:
+    """Ask, once, whether rewards are of a size that a critic can learn."""
+    error = _mean(report, "value_loss")
+    if error > LARGE:
+        yield (
+            "large-rewards",
+            f"rewards are large (the critic's mean squared error is {error:.1g}), and it learns "
+            "the slower; smaller weights in [reward] help",
+        )
+
+
+def _of_the_kept(report: Report, rule: str) -> Iterator[tuple[str, str]]:
+    numbers = report.stats.numbers
+    kept, own = numbers["kept_reward"], numbers["student_reward"]
+    worse = kept < own  # not where nothing was kept: kept is nan
+    if not numbers["kept_fraction"].any():
+        if rule != "auto":
+            advice = "lower --threshold or change select.scale"
+            yield "nothing-kept", f"no teacher sample was kept, so nothing was taught; {advice}"
+    elif worse.any():
+        whose = f" of {worse.sum()} of {len(worse)} seeds" if len(worse) > 1 else ""
+        yield (
+            "kept-paid-less",
+            f"the kept teacher samples{whose} were paid less per step than the student itself "
+            f"({kept[worse].mean():.3g} < {own[worse].mean():.3g}): negative transfer?",
+        )
+
+
+def _of_the_teachers(report: Report) -> Iterator[tuple[str, str]]:
+    """Ask how likely the student finds what the teachers did, and what they earned."""
+    log_ratio = _mean(report, "log_ratio")
+    theirs, own = _mean(report, "teacher_return"), _mean(report, "student_return")
+    if log_ratio < RARE:
+        yield (
+            "rare-actions",
+            f"the student finds the kept actions {exp(log_ratio):.1g} times as likely as the "
+            f"teacher did (mean log ρ {log_ratio:.1f}), where the loss has next to no slope; raise "
+            "transfer.teacher_min_std or transfer.teacher_temperature",
+        )
+    if theirs < own:
+        yield (
+            "teacher-behind",
+            f"the teacher's episodes return {theirs:.4g} here, the student's own {own:.4g}: it has "
+            "little left to give; end sooner with --transfer-iterations?",
+        )
+
+
+def _of_the_outcome(report: Report, before: Sequence[np.ndarray]) -> Iterator[tuple[str, str]]:
+    """Ask whether the critic's expectation of the kept samples came true."""
+    promised = _mean(report, "kept_advantage")
+    if not before or not promised > 0:
+        return
+    (then, old_error), (now, new_error) = map(_evaluated, (before[0], report.evaluation.returns))
+    if now < then - 2 * np.hypot(old_error, new_error):
+        yield (
+            "worse-than-promised",
+            f"the kept samples promised {promised:.3g} more than expected, yet the return fell "
+            f"from {then:.4g} to {now:.4g}; a smaller transfer.alpha_2 or a higher --threshold "
+            "may help",
+        )
+
+
+def _of_the_reference(
+    returns: Sequence[np.ndarray], k: int, reference: np.ndarray
+) -> Iterator[tuple[str, str]]:
+    """Ask whether the last iterations, up to k, were under those of a run from scratch."""
+    if len(returns) < IN_A_ROW or k > reference.shape[1]:
+        return
+    own = np.stack([played.mean(1) for played in returns], 1)
+    scratch = reference[:, k - IN_A_ROW : k]
+    error = np.sqrt(_squared_error(own) + _squared_error(scratch))
+    if (own.mean(0) < scratch.mean(0) - error).all():
+        yield (
+            "below-scratch",
+            f"for {IN_A_ROW} iterations the return was under that of the run from scratch beside "
+            f"this one ({own[:, -1].mean():.4g} against {scratch[:, -1].mean():.4g})",
+        )
+
+
+def _mean(report: Report, name: str) -> float:
+    """Return a number's mean over the seeds that have it, nan if none has."""
+    known = report.stats.numbers.get(name, np.empty(0))
+    known = known[np.isfinite(known)]
+    return float(known.mean()) if len(known) else float("nan")
+
+
+def _evaluated(returns: np.ndarray) -> tuple[float, float]:
+    """Return the mean of evaluated returns (S, E) and its standard error over episodes."""
+    n = returns.size
+    return float(returns.mean()), float(returns.std(axis=1).mean() / np.sqrt(n))
+
+
+def _squared_error(numbers: np.ndarray) -> np.ndarray | float:
+    """Return the squared standard error over seeds of each column of (S, K); 0 of one seed."""
+    return numbers.var(0, ddof=1) / len(numbers) if len(numbers) > 1 else 0.0
+
+
+def reference_beside(folder: Path, task: TaskCard, algorithm: str) -> np.ndarray | None:
+    """Return evaluated mean returns (S, K) of the newest run from scratch beside a run's folder.
+
+    Its environment, reward, rollouts, evaluation and algorithm are the same; damaged runs are
+    passed over.
+    """
+    found = list[tuple[float, Run]]()
+    for path in folder.resolve().parent.glob("*/run.json"):
+        try:
+            run = read_run(path.parent)
+        except RepaintError:
+            continue
+        same = run.record.get("algorithm") == algorithm and _basis(run.task) == _basis(task)
+        if run.method == "scratch" and same and run.returns.size:
+            found.append((path.stat().st_mtime, run))
+    return max(found, key=lambda pair: pair[0])[1].returns if found else None
+
+
+def _basis(task: TaskCard) -> tuple[object, ...]:
+    ppo = task.ppo
+    rollouts = ppo.n_steps, ppo.n_episodes, ppo.objective
+    return task.env, task.reward, task.reward_code, rollouts, task.eval

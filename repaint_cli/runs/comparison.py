@@ -1,0 +1,165 @@
+"""Runs on one task against a reference: the numbers of the paper's tables 1 and 6, per run."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from repaint_cli.errors import NotFound
+from repaint_cli.runs.reader import Run
+from repaint_cli.statistics import (
+    area_under_curve,
+    differ_by_chance,
+    iqm_ci,
+    iteration_of_mean,
+    iterations_to,
+    mean_ci,
+    reduction_ci,
+)
+
+Estimate = tuple[float, float, float]
+"""A number and the ends of its 95 % bootstrap interval over seeds, nan where there is none."""
+
+
+@dataclass(frozen=True)
+class Standing:
+    """How one run did."""
+
+    label: str
+    method: str
+    seeds: int
+    iterations: int
+    first: Estimate
+    """Mean return of the first evaluation: the jump-start."""
+    area: Estimate
+    """Mean return over the iterations that all runs have."""
+    best: float
+    """Highest point of the mean curve."""
+    final: Estimate
+    """Interquartile mean of the last evaluation."""
+    reached: float
+    """K, at which the mean curve is at the target; nan if never."""
+    reached_each: tuple[float, ...]
+    """The same of each seed."""
+    reduced: Estimate
+    """1 − K / K of the reference."""
+    env_steps: float
+    """Environment steps a seed had taken at K, teachers' samples counted."""
+    seconds: float
+    """Wall-clock time at K, evaluations counted."""
+    seconds_reduced: float
+    """1 − seconds / seconds of the reference."""
+    chance: float
+    """p of the area's difference from the reference's, by permutation of seeds."""
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """All runs, what they were to reach, and whom they are compared with."""
+
+    task: str
+    target: float | None
+    reference: str | None
+    given: bool
+    """Whether the target was given, and not taken from the reference."""
+    iterations: int
+    """Iterations that all runs have, over which areas are taken."""
+    standings: tuple[Standing, ...]
+
+    @property
+    def goal(self) -> str:
+        """The target in words."""
+        if self.target is None:
+            return "none"
+        of = "" if self.given else f", the best mean of {self.reference}"
+        return f"{self.target:.4g}{of}"
+
+
+def reference_of(runs: Mapping[str, Run], wanted: str) -> str | None:
+    """Return the label of the reference: a label, a run's folder, or the first run of a method.
+
+    Raises:
+        NotFound: none is called so; the default "scratch" may be absent.
+    """
+    if wanted in runs:
+        return wanted
+    called = {label: (run.method, str(run.folder).rstrip("/")) for label, run in runs.items()}
+    named = next((label for label, names in called.items() if wanted.rstrip("/") in names), None)
+    if named is None and wanted != "scratch":
+        raise NotFound.named("reference", wanted, runs, "repaint compare --help")
+    return named
+
+
+def compare(runs: Mapping[str, Run], reference: str | None, target: float | None) -> Comparison:
+    """Return how runs of one task stand.
+
+    Args:
+        runs: by their labels.
+        reference: the label of the run that others are compared with, or None.
+        target: the score to reach; the reference's best mean where absent, as in the paper.
+    """
+    basis, given = runs[reference] if reference else None, target is not None
+    if target is None and basis is not None:
+        target = float(np.nanmax(basis.returns.mean(0)))
+    common = min(run.returns.shape[1] for run in runs.values())
+    standings = [_standing(label, run, basis, target, common) for label, run in runs.items()]
+    task = next(iter(runs.values())).task.name
+    return Comparison(task, target, reference, given, common, tuple(standings))
+
+
+def _standing(
+    label: str, run: Run, basis: Run | None, target: float | None, common: int
+) -> Standing:
+    returns, goal = run.returns, np.nan if target is None else target
+    areas = area_under_curve(returns[:, :common])
+    reached = iteration_of_mean(returns, goal)
+    reduced: Estimate = (np.nan, np.nan, np.nan)
+    seconds_reduced = chance = np.nan
+    seconds = _at(run, "seconds", reached)
+    if basis is not None and basis is not run:
+        reduced = reduction_ci(returns, basis.returns, goal)
+        theirs = _at(basis, "seconds", iteration_of_mean(basis.returns, goal))
+        seconds_reduced = 1 - seconds / theirs
+        chance = differ_by_chance(areas, area_under_curve(basis.returns[:, :common]))
+    return Standing(
+        label=label, method=run.method, seeds=len(returns), iterations=returns.shape[1],
+        first=mean_ci(returns[:, 0]), area=mean_ci(areas), best=float(np.nanmax(returns.mean(0))),
+        final=iqm_ci(returns[:, -1]), reached=reached,
+        reached_each=tuple(iterations_to(returns, goal)), reduced=reduced,
+        env_steps=_at(run, "env_steps", reached), seconds=seconds,
+        seconds_reduced=seconds_reduced, chance=chance,
+    )  # fmt: skip
+
+
+def _at(run: Run, name: str, k: float) -> float:
+    """Return a column's mean over seeds at iteration k, nan if k is."""
+    return float("nan") if np.isnan(k) else float(run.rows[name][:, int(k) - 1].mean())
+
+
+COLUMNS = (
+    "run", "method", "seeds", "iterations", "k", "reduced", "reduced_low", "reduced_high",
+    "env_steps", "seconds", "seconds_reduced", "first", "first_low", "first_high", "area",
+    "area_low", "area_high", "best", "final_iqm", "final_low", "final_high", "p", "k_each",
+)  # fmt: skip
+"""Of comparison.csv."""
+
+
+def record(standing: Standing) -> dict[str, object]:
+    """Return a run's numbers by the names in `COLUMNS`; None where there is none."""
+    values: Sequence[object] = (
+        standing.label, standing.method, standing.seeds, standing.iterations, standing.reached,
+        *standing.reduced, standing.env_steps, standing.seconds, standing.seconds_reduced,
+        *standing.first, *standing.area, standing.best, *standing.final, standing.chance,
+        [_plain(k) for k in standing.reached_each],
+    )  # fmt: skip
+    return {name: _plain(value) for name, value in zip(COLUMNS, values, strict=True)}
+
+
+def _plain(value: object) -> object:
+    """Return a float as JSON knows it: None for nan, a whole number without a point."""
+    if not isinstance(value, float | np.floating):
+        return value
+    number = float(value)
+    if np.isnan(number):
+        return None
+    return int(number) if number.is_integer() else number

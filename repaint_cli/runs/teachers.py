@@ -1,0 +1,154 @@
+"""A run's teachers: found to fit, loaded, weighed; and a student that starts from one."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from repaint_cli.errors import CardError, CheckpointError, TeacherMismatch
+from repaint_cli.files.atomic import sha256
+from repaint_cli.learn.transfer.teachers import Teacher
+from repaint_cli.policies import weights
+from repaint_cli.policies.networks import ActorCritic
+from repaint_cli.policies.spaces import Spaces
+from repaint_cli.tasks.similarity import cosine
+from repaint_cli.tasks.task import TaskCard
+from repaint_cli.zoo import store
+from repaint_cli.zoo.teacher_card import TeacherCard, read_card
+
+
+@dataclass(frozen=True)
+class Staff:
+    """The teachers of a run."""
+
+    cards: tuple[TeacherCard, ...]
+    """What each is."""
+    teachers: tuple[Teacher, ...]
+    """What the trainer learns from."""
+    record: tuple[dict[str, object], ...]
+    """What run.json says of each."""
+
+
+def load_staff(
+    paths: Sequence[Path],
+    acting: Sequence[Path] | None,
+    task: TaskCard,
+    spaces: Spaces,
+    seeds: int,
+    beside: int = 0,
+) -> Staff:
+    """Load teachers for a task.
+
+    Args:
+        paths: their files.
+        acting: those whose own samples are used; all of them where absent.
+        task: the target task, with what the method leaves of its transfer settings.
+        spaces: what its policies read and write.
+        seeds: S.
+        beside: 1 where the student acts in the teachers' iterations, too, and shares their steps.
+
+    Raises:
+        TeacherMismatch: one of them does not fit the task, with a line for each.
+        CardError: their number and the settings do not go together.
+        CheckpointError: a file is damaged.
+    """
+    cards = [read_card(path) for path in paths]
+    store.check_fits(cards, task, spaces)
+    acts = [acting is None or path in acting for path in paths]
+    _check_numbers(task, len(paths), sum(acts))
+    _check_shares(task, sum(acts), beside)
+    _check_relevance(task, spaces)
+    teachers, record = list[Teacher](), list[dict[str, object]]()
+    for path, card, act in zip(paths, cards, acts, strict=True):
+        network, _ = store.load_teacher(path, seeds)
+        teachers.append(Teacher(network, act, _weights(card, task), cosine(card.task, task)))
+        record.append(
+            {
+                "name": card.name,
+                "sha256": sha256(path),
+                "instances": act,
+                "file": str(path.absolute()),
+            }
+        )
+    return Staff(tuple(cards), tuple(teachers), tuple(record))
+
+
+def _check_numbers(task: TaskCard, n_teachers: int, n_acting: int) -> None:
+    betas, episodes = task.transfer.kickstart_coef, task.transfer.teacher_episodes
+    if isinstance(betas, tuple) and len(betas) != n_teachers:
+        raise CardError(
+            f"expected one --beta, or one for each --teacher ({n_teachers}), found {len(betas)}"
+        )
+    if task.transfer.instance and not n_acting:
+        raise CardError("expected at least one teacher to take instances from, found none")
+    if task.transfer.instance and task.ppo.n_episodes and episodes < n_acting:
+        raise CardError(
+            f"expected transfer.teacher_episodes of at least {n_acting}, one for each teacher that "
+            f"gives instances, found {episodes}; try --set transfer.teacher_episodes={n_acting}"
+        )
+
+
+def _check_shares(task: TaskCard, n_acting: int, beside: int) -> None:
+    """Check that everybody's share of an iteration's steps is longer than an episode."""
+    if task.ppo.n_steps is None or task.ppo.n_episodes or not (task.transfer.instance and n_acting):
+        return
+    sharing, need = n_acting + beside, task.env.longest_episode() + 1
+    if task.ppo.n_steps // sharing < need:
+        raise CardError(
+            f"expected ppo.n_steps of at least {sharing * need}, which {sharing} share, each with "
+            f"an episode of {need - 1} and a step; found {task.ppo.n_steps}"
+        )
+
+
+def _check_relevance(task: TaskCard, spaces: Spaces) -> None:
+    """Check that there are distances between observations, by which relevance is judged."""
+    if task.select.rule != "rbt" or not task.transfer.instance:
+        return
+    if spaces.image:
+        raise CardError(f"expected vectors to observe with --select rbt, found {spaces}")
+
+
+def _weights(card: TeacherCard, task: TaskCard) -> np.ndarray | None:
+    """Return w of a teacher's own task in the order of the target's terms, or None without one."""
+    if card.task.reward_code or task.reward_code:
+        return None
+    return np.array([card.task.reward[name] for name in task.reward])
+
+
+def warm_start(student: ActorCritic, staff: Staff, task: TaskCard) -> None:
+    """Put the first teacher's weights into every seed of the student.
+
+    Raises:
+        TeacherMismatch: its networks are others.
+        CardError: log σ is to be set anew, but there is none.
+    """
+    _check_same_networks(staff.cards[0], task)
+    name, log_std = staff.cards[0].name, task.transfer.warm_start_log_std
+    leaves = dict(weights.policy_tensors(staff.teachers[0].network, 0))
+    own = weights.policy_tensors(student)
+    if task.transfer.warm_start == "policy":
+        leaves = {n: leaf for n, leaf in leaves.items() if not n.startswith("value.")}
+        leaves |= {n: leaf.clone() for n, leaf in own.items() if n.startswith("value.")}
+    if log_std is not None:
+        if "policy.log_std" not in own:
+            raise CardError("transfer.warm_start_log_std is for continuous actions; leave it out")
+        leaves["policy.log_std"] = torch.full_like(own["policy.log_std"][0], log_std)
+    try:
+        weights.load_policy(student, leaves, f"teacher '{name}'")
+    except CheckpointError as error:
+        raise TeacherMismatch(f"a warm start needs equal networks: {error}") from error
+
+
+def _check_same_networks(card: TeacherCard, task: TaskCard) -> None:
+    """Check what leaves of equal shapes would not show: how dense networks see and bend."""
+    if task.net.kind != "mlp":
+        return
+    for key in ("activation", "obs_clip", "obs_min_std"):
+        theirs, ours = getattr(card.task.net, key), getattr(task.net, key)
+        if theirs != ours:
+            raise TeacherMismatch(
+                f"a warm start needs equal networks: teacher '{card.name}' has net.{key} {theirs}, "
+                f"task '{task.name}' has {ours}; try --set net.{key}={theirs}"
+            )

@@ -1,0 +1,1 @@
+"""What is to be learned (a task) and with which numbers (a recipe); a card is both."""

@@ -1,0 +1,95 @@
+"""Task cards on disk: TOML that people write; the shipped ones lie in `tasks/`.
+
+A card may extend a shipped one and then says only what is new.
+"""
+
+import os
+from pathlib import Path
+from typing import Any
+
+from repaint_cli.envs.racer.deepracer.model_files import read_hyperparameters, read_model_metadata
+from repaint_cli.errors import CardError, NotFound
+from repaint_cli.files.limits import read_card, read_text
+from repaint_cli.paths import shipped
+from repaint_cli.tasks.task import TaskCard
+
+
+def shipped_tasks() -> dict[str, Path]:
+    """Return the shipped cards by name, families together."""
+    return {path.stem: path for path in sorted(shipped("tasks").rglob("*.toml"))}
+
+
+def read_task(name: str) -> TaskCard:
+    """Read a shipped task by name, or a card of one's own by its path (`my-task.toml`).
+
+    Raises:
+        NotFound: there is no such task.
+        CardError: the card says something it may not.
+    """
+    path = Path(name)
+    if path.suffix == ".toml":
+        if not os.path.exists(path):  # which takes any name
+            raise NotFound(
+                f"there is no card at '{name}'; start one: repaint tasks copy reacher {name}"
+            )
+    else:
+        known = shipped_tasks()
+        if name not in known:
+            raise NotFound.named("task", name, known, "repaint tasks list")
+        path = known[name]
+    return TaskCard.parse({"name": path.stem} | _resolve(path), str(path))
+
+
+def _resolve(path: Path) -> dict[str, Any]:
+    """Read TOML and merge it over what it extends."""
+    data = read_card(path, CardError)
+    code = _reward_code(data, path.parent)
+    _resolve_files(data, path.parent)
+    base = data.pop("extends", None)
+    if base is None:
+        return data | code
+    known = shipped_tasks()
+    if not isinstance(base, str) or base not in known or known[base] == path:
+        raise NotFound.named("task", str(base), known, "repaint tasks list")
+    whole = _merge(_resolve(known[base]), data)
+    ppo = data.get("ppo")
+    if isinstance(ppo, dict) and "n_steps" in ppo and "n_episodes" not in ppo:
+        whole["ppo"].pop("n_episodes", None)  # the new card counts otherwise
+    return whole | code
+
+
+def _resolve_files(data: dict[str, Any], folder: Path) -> None:
+    """Put in place what [env] and [ppo] say about files, which lie beside the card.
+
+    What a section says itself outranks its file.
+    """
+    env, ppo = (data.get(section) for section in ("env", "ppo"))
+    if isinstance(env, dict):
+        if str(env.get("track", "")).endswith(".npy"):
+            env["track"] = str(folder / env["track"])
+        if isinstance(env.get("model_metadata"), str):
+            data["env"] = read_model_metadata(folder / env.pop("model_metadata")) | env
+    if isinstance(ppo, dict) and isinstance(ppo.get("hyperparameters"), str):
+        theirs = read_hyperparameters(folder / ppo.pop("hyperparameters"))
+        if "n_steps" in ppo:
+            theirs.pop("n_episodes", None)
+        data["ppo"] = theirs | ppo
+
+
+def _reward_code(data: dict[str, Any], folder: Path) -> dict[str, Any]:
+    """Return what `[reward] function = "file.py"` stands for: the file's text, and one term."""
+    file = data.get("reward", {}).get("function") if isinstance(data.get("reward"), dict) else None
+    if not isinstance(file, str):
+        return {}
+    if len(data["reward"]) > 1:
+        raise CardError(f"a reward function stands alone: leave out what is beside {file}")
+    del data["reward"]
+    path = folder / file
+    source = read_text(path, CardError)
+    return {"reward": {"function": 1.0}, "reward_code": {"name": path.name, "source": source}}
+
+
+def _merge(base: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
+    both = {k: (base[k], v) for k, v in over.items() if k in base}
+    parts = {k: _merge(*two) for k, two in both.items() if all(isinstance(v, dict) for v in two)}
+    return base | over | parts

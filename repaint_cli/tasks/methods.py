@@ -1,0 +1,57 @@
+"""The methods that can be compared: which parts of REPAINT each switches on."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from repaint_cli.settings import TransferConfig
+
+
+@dataclass(frozen=True)
+class Method:
+    """A row of the table of methods: which parts of REPAINT are switched on."""
+
+    summary: str
+    warm_start: bool = False
+    kickstart: bool = False
+    instance: bool = False
+    joint: bool = False
+
+    @property
+    def needs_teacher(self) -> bool:
+        """Whether the method uses a teacher at all."""
+        return self.warm_start or self.kickstart or self.instance
+
+    @property
+    def alternates(self) -> bool:
+        """Whether representation and instance iterations take turns."""
+        return self.instance and not self.joint
+
+    def apply(self, transfer: "TransferConfig") -> "TransferConfig":
+        """Switch off what this method leaves out; what remains is all the trainer sees."""
+        off: dict[str, float | bool | str] = {"joint": self.joint}
+        if not self.kickstart:
+            off |= {"kickstart_coef": 0.0, "kickstart_schedule": "geometric"}
+        if not self.instance:
+            off |= {"instance": 0, "phases": "ratio"}
+        if not (self.kickstart or self.instance):
+            off |= {"alpha_1": 1.0, "alpha_power": 0.0}
+        return transfer.model_copy(update=off)
+
+
+METHODS = {
+    "scratch": Method("clipped PPO, no teacher"),
+    "warm-start": Method("PPO from the teacher's weights", warm_start=True),
+    "kickstart": Method("representation transfer alone", kickstart=True),
+    "instance": Method("instance transfer alternating with PPO", instance=True),
+    "repaint": Method("both, alternating (algorithm 2)", kickstart=True, instance=True),
+    "repaint-joint": Method(
+        "both in one update (algorithm 1)", kickstart=True, instance=True, joint=True
+    ),
+}
+
+ALGORITHMS = {
+    "ppo": ("repaint", *(name for name in METHODS if name != "repaint")),
+    "q-learning": ("instance", "scratch"),
+}
+"""Methods that each algorithm knows; the first is its default."""

@@ -1,0 +1,118 @@
+"""A teacher for other programs: its file, its card as JSON and as a page, and ONNX."""
+
+import json
+import logging
+import shutil
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from repaint_cli.errors import RepaintError
+from repaint_cli.files.atomic import as_json, write_text, written_whole
+from repaint_cli.policies.distributions import Gaussian
+from repaint_cli.policies.networks import ActorCritic
+from repaint_cli.zoo.model_card import markdown
+from repaint_cli.zoo.store import load_teacher
+from repaint_cli.zoo.teacher_card import TeacherCard
+
+OPSET = 20
+
+
+def export(path: Path, folder: Path, *, onnx: bool = False) -> list[Path]:
+    """Write a teacher's file, card.json and README.md into a folder, and maybe its policy as ONNX.
+
+    Args:
+        path: the teacher's file.
+        folder: where to; what is there of these names is replaced.
+        onnx: whether to write NAME.onnx, see `write_onnx`.
+
+    Returns:
+        What was written.
+
+    Raises:
+        CheckpointError: the teacher is damaged.
+        RepaintError: there is no ONNX here.
+        StoreError: the folder cannot be written.
+    """
+    network, card = load_teacher(path)
+    if onnx:
+        _require_onnx()
+    name = path.stem
+    files = [folder / f"{name}.safetensors", folder / "card.json", folder / "README.md"]
+    with written_whole(files[0]) as temporary:
+        shutil.copyfile(path, temporary)
+    write_text(files[1], as_json(card.model_dump(mode="json")))
+    write_text(files[2], markdown(card, path))
+    if onnx:
+        files.append(folder / f"{name}.onnx")
+        write_onnx(network, card, files[-1])
+    return files
+
+
+def _require_onnx() -> None:
+    if find_spec("onnx") is None or find_spec("onnxscript") is None:
+        raise RepaintError("--onnx needs ONNX: pip install 'repaint-rl[onnx]'")
+
+
+class _Policy(torch.nn.Module):
+    """One seed's policy as a module: observations of the environment in, its distribution out."""
+
+    def __init__(self, network: ActorCritic) -> None:
+        super().__init__()
+        self._network = network
+
+    def forward(self, obs: Tensor, lidar: Tensor | None = None) -> tuple[Tensor, ...]:
+        """Return mean (B, A) and log σ (A,), or log π (B, A), for observations (B, *O)."""
+        seen: Any = obs.unsqueeze(0)
+        if lidar is not None:
+            seen = {"camera": seen, "lidar": lidar.unsqueeze(0)}
+        found = self._network.policy(seen)
+        if isinstance(found, Gaussian):
+            return found.mean.squeeze(0), found.log_std.reshape(-1)
+        return (found.log_probs.squeeze(0),)
+
+
+def write_onnx(network: ActorCritic, card: TeacherCard, path: Path) -> None:
+    """Write a policy as ONNX; its card is in the model's metadata under `repaint`.
+
+    Inputs are `obs`, float32 (B, O) or uint8 (B, H, W, C), and `lidar` (B, beams) where there is
+    one; outputs `mean` (B, A) and `log_std` (A,), or `log_probs` (B, A).
+
+    Raises:
+        StoreError: the file cannot be written.
+    """
+    spaces = network.spaces
+    dtype = torch.uint8 if spaces.image else torch.float32
+    inputs = [torch.zeros(2, *spaces.obs_shape, dtype=dtype)]
+    inputs += [torch.zeros(2, spaces.n_beams)] if spaces.n_beams else []
+    batch = torch.export.Dim("batch")
+    with _quietly():
+        program = torch.onnx.export(
+            _Policy(network).eval(), tuple(inputs), dynamo=True, verbose=False, opset_version=OPSET,
+            input_names=["obs", "lidar"][: len(inputs)],
+            output_names=["log_probs"] if spaces.discrete else ["mean", "log_std"],
+            dynamic_shapes=tuple({0: batch} for _ in inputs),
+        )  # fmt: skip
+    assert program is not None
+    program.model.metadata_props["repaint"] = json.dumps(card.model_dump(mode="json"))
+    with written_whole(path) as temporary:
+        program.save(temporary, external_data=False)
+
+
+@contextmanager
+def _quietly() -> Iterator[None]:
+    """Keep the exporter's own affairs from the screen."""
+    before = logging.root.manager.disable
+    logging.disable(logging.WARNING)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            yield
+    finally:
+        logging.disable(before)

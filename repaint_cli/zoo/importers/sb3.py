@@ -1,0 +1,233 @@
+"""Policies that Stable-Baselines3's PPO and A2C saved as zip files.
+
+Their settings are JSON; what stands there in cloudpickle (`:serialized:`) stays closed, for SB3
+writes the same beside it as text. Where that text does not say all, the policy is refused.
+"""
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from torch import Tensor
+
+from repaint_cli.errors import CheckpointError
+from repaint_cli.files.limits import parsed, read_bytes
+from repaint_cli.policies.architecture import NetConfig
+from repaint_cli.policies.spaces import Spaces
+from repaint_cli.zoo.importers.archives import LARGEST, read_members, read_tensors
+from repaint_cli.zoo.importers.imported import CAMERA, Imported, check_nothing_left, renamed, widths
+
+DATA, WEIGHTS, VERSION = "data", "policy.pth", "_stable_baselines3_version"
+
+LARGEST_SETTINGS = 16 * 2**20
+"""Bytes of JSON; last observations, which may be images, are among them."""
+
+WORKS = "what can be read: PPO and A2C with MlpPolicy or CnnPolicy"
+
+ACTIVATIONS = {
+    f"<class 'torch.nn.modules.activation.{name}'>": name.lower()
+    for name in ("Tanh", "ReLU", "ELU")
+}
+
+EXTRACTORS = {
+    f"<class 'stable_baselines3.common.torch_layers.{name}'>"
+    for name in ("FlattenExtractor", "NatureCNN")
+}
+
+HARMLESS = {
+    "ortho_init", "log_std_init", "optimizer_class", "optimizer_kwargs", "lr_schedule",
+    "net_arch", "share_features_extractor", "full_std", "use_expln", ":type:", ":serialized:",
+}  # fmt: skip
+"""Settings of a policy that do not change what it does, or that its weights show."""
+
+EYES = ("cnn.0", "cnn.2", "cnn.4", "linear.0")
+"""SB3's names of the layers of its camera network."""
+
+
+def read(path: Path) -> tuple[Imported, bool]:
+    """Read a model's zip file; nothing in it is run.
+
+    Returns:
+        The policy, and whether it was trained on what a VecNormalize gave it.
+
+    Raises:
+        CheckpointError: the file is absent or damaged, or a policy of another kind.
+    """
+    parts = read_members(
+        read_bytes(path, CheckpointError, LARGEST), str(path), [DATA, WEIGHTS], [VERSION]
+    )
+    data = _settings(parts[DATA], path)
+    found = read_tensors(parts[WEIGHTS], f"{path}: {WEIGHTS}")
+    algorithm, spaces = _algorithm(data, path), _spaces(data, path)
+    activation = _activation(_policy_settings(data, path), spaces, path)
+    if spaces.image:
+        net, layers = _camera(found, str(path))
+    else:
+        net, layers = _dense(found, activation, str(path))
+    layers |= {"policy.head": "action_net", "value.head": "value_net"}
+    leaves = renamed(found, layers, str(path))
+    if not spaces.discrete and "log_std" in found:
+        leaves["policy.log_std"] = found["log_std"]
+    others = {name for name in found if spaces.image and name.startswith("features_extractor.")}
+    check_nothing_left(
+        found, layers, others | (set() if spaces.discrete else {"log_std"}), str(path)
+    )
+    made_with = {"stable-baselines3": _version(parts.get(VERSION, b""))}
+    numbers = (_count(data, "seed"), _count(data, "num_timesteps"), made_with)
+    return Imported(spaces, net, leaves, algorithm, *numbers), bool(data.get("_last_original_obs"))
+
+
+def _settings(text: bytes, path: Path) -> dict[str, Any]:
+    if len(text) > LARGEST_SETTINGS:
+        raise CheckpointError(
+            f"{path}: expected a '{DATA}' of {LARGEST_SETTINGS:,} bytes at most, found "
+            f"{len(text):,}"
+        )
+    data = parsed(text.decode("utf-8", "replace"), f"{path}: its '{DATA}'", CheckpointError)
+    if not isinstance(data, dict):
+        raise CheckpointError(f"{path}: expected settings in its '{DATA}', found none")
+    return data
+
+
+def _algorithm(data: Mapping[str, Any], path: Path) -> str:
+    """Tell who trained the policy: the zip does not say, but algorithms have different settings."""
+    policy = data.get("policy_class")
+    module = policy.get("__module__") if isinstance(policy, dict) else None
+    if module != "stable_baselines3.common.policies":
+        raise CheckpointError(f"{path}: found a policy of {str(module)[:80]}; {WORKS}")
+    if "clip_range" in data and "n_epochs" in data:
+        return "ppo"
+    if "vf_coef" in data and "gae_lambda" in data:
+        return "a2c"
+    raise CheckpointError(f"{path}: found settings of another algorithm; {WORKS}")
+
+
+def _spaces(data: Mapping[str, Any], path: Path) -> Spaces:
+    """Return what a policy reads and writes, an image with its channels last, as tasks do."""
+    obs, action = (_space(data.get(f"{what}_space"), path) for what in ("observation", "action"))
+    shape, choice = _sizes(obs.get("_shape")), _sizes(action.get("_shape"))
+    box = _is(obs, "box.Box") and len(shape) in (1, 3)
+    discrete = _is(action, "discrete.Discrete") and str(action.get("start", "0")) == "0"
+    if not box or not (discrete or (_is(action, "box.Box") and len(choice) == 1)):
+        raise CheckpointError(
+            f"{path}: expected observations in a Box, vectors or images, and actions in a Box or "
+            f"Discrete from 0, found {obs[':type:']} {shape} and {action[':type:']} {choice}"
+        )
+    if len(shape) == 3:
+        shape = (*shape[1:], shape[0])
+    return Spaces(shape, _number(action.get("n"), path) if discrete else choice[0], discrete)
+
+
+def _space(found: Any, path: Path) -> dict[str, Any]:
+    if not isinstance(found, dict) or not isinstance(found.get(":type:"), str):
+        raise CheckpointError(f"{path}: expected spaces in its '{DATA}', found none")
+    return found
+
+
+def _is(space: Mapping[str, Any], name: str) -> bool:
+    return space[":type:"] in (
+        f"<class '{library}.spaces.{name}'>" for library in ("gym", "gymnasium")
+    )
+
+
+def _sizes(found: Any) -> tuple[int, ...]:
+    plain = isinstance(found, list) and all(type(n) is int and n > 0 for n in found)
+    return tuple(found) if plain else ()
+
+
+def _number(found: Any, path: Path) -> int:
+    """Read n of Discrete, which stands there as text where it is numpy's."""
+    if not re.fullmatch(r"[1-9]\d{0,6}", str(found)):
+        raise CheckpointError(f"{path}: expected a number of actions, found {str(found)[:40]}")
+    return int(found)
+
+
+def _policy_settings(data: Mapping[str, Any], path: Path) -> dict[str, Any]:
+    """Return a policy's settings that matter, those of exploration with them."""
+    found = data.get("policy_kwargs")
+    if not isinstance(found, dict):
+        raise CheckpointError(f"{path}: expected policy_kwargs in its '{DATA}', found none")
+    settings = {key: value for key, value in found.items() if key not in HARMLESS}
+    return settings | ({"use_sde": data["use_sde"]} if data.get("use_sde") else {})
+
+
+def _activation(settings: dict[str, Any], spaces: Spaces, path: Path) -> str:
+    """Return what follows dense layers, and check that nothing else is out of the ordinary."""
+    activation = settings.pop("activation_fn", "<class 'torch.nn.modules.activation.Tanh'>")
+    ordinary: dict[str, Any] = {
+        "use_sde": [False],
+        "squash_output": [False],
+        "normalize_images": [True],
+    }
+    for key, value in settings.items():
+        if key == "features_extractor_kwargs":
+            fine = isinstance(value, dict) and value.keys() <= {"features_dim"}
+        elif key == "features_extractor_class":
+            fine = value in EXTRACTORS
+        else:
+            fine = value in ordinary.get(key, ()) or (
+                key == "normalize_images" and not spaces.image
+            )
+        if not fine:
+            raise CheckpointError(
+                f"{path}: found a policy with {key}={str(value)[:80]}; {WORKS} without it"
+            )
+    if activation not in ACTIVATIONS:
+        known = ", ".join(text.split(".")[-1].rstrip("'>") for text in ACTIVATIONS)
+        raise CheckpointError(
+            f"{path}: expected activation_fn {known}, found {str(activation)[:80]}"
+        )
+    return ACTIVATIONS[activation]
+
+
+def _dense(
+    found: Mapping[str, Tensor], activation: str, where: str
+) -> tuple[NetConfig, dict[str, str]]:
+    """Return dense networks, and their layers' names there by ours."""
+    layers, sizes = dict[str, str](), []
+    for tower in ("policy", "value"):
+        prefix = f"mlp_extractor.{tower}_net"
+        n_layers = sum(name.startswith(prefix) and name.endswith(".weight") for name in found)
+        layers |= {f"{tower}.{n}": f"{prefix}.{2 * n}" for n in range(n_layers)}
+        sizes.append(widths(found, prefix, n_layers, where))
+    hidden, of_critic = sizes
+    apart = of_critic if of_critic != hidden else None
+    net = {"hidden": hidden, "value_hidden": apart, "activation": activation}
+    return NetConfig.model_validate(net), layers
+
+
+def _camera(found: Mapping[str, Tensor], where: str) -> tuple[NetConfig, dict[str, str]]:
+    """Return SB3's NatureCNN as our networks, and its layers' names there by ours.
+
+    Policy and critic may share it there; here each has its own, for ours share no dense layer.
+    """
+    if not any(name.startswith(("features_", "pi_features_")) for name in found):
+        raise CheckpointError(f"{where}: found images read without a camera network; {WORKS}")
+    if any(name.startswith("mlp_extractor.") for name in found):
+        raise CheckpointError(
+            f"{where}: found dense layers (net_arch) behind the camera network; {WORKS} without"
+        )
+    own = any(name.startswith("pi_features_extractor.") for name in found)
+    eyes = {"policy": "pi_", "value": "vf_"} if own else {"policy": "", "value": ""}
+    layers = {
+        f"{tower}.{ours}": f"{prefix}features_extractor.{theirs}"
+        for tower, prefix in eyes.items()
+        for ours, theirs in zip(CAMERA, EYES, strict=True)
+    }
+    last = found.get(f"{layers['policy.dense']}.bias")
+    if last is None or not last.numel():
+        raise CheckpointError(
+            f"{where}: expected SB3's NatureCNN before an image's policy, found none"
+        )
+    return NetConfig(kind="cnn", conv="3-layer", dense=last.numel(), pool=1), layers
+
+
+def _count(data: Mapping[str, Any], key: str) -> int:
+    found = data.get(key)
+    return found if type(found) is int and 0 <= found < 2**53 else 0
+
+
+def _version(text: bytes) -> str:
+    found = text.decode("ascii", "replace").strip()
+    return found if re.fullmatch(r"[\w.+-]{1,32}", found) else "unknown"

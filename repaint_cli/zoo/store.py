@@ -1,0 +1,193 @@
+"""The zoo: teachers in a local folder, one file each; the card stands in the file's own header."""
+
+import os
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from repaint_cli.errors import CheckpointError, NotFound, StoreError, TeacherMismatch
+from repaint_cli.files.headers import read_hash
+from repaint_cli.paths import shipped, user_zoo
+from repaint_cli.tasks.task import TaskCard
+from repaint_cli.zoo.teacher_card import NAME, TeacherCard, check_name, read_card
+
+if TYPE_CHECKING:
+    from repaint_cli.policies.networks import ActorCritic
+    from repaint_cli.policies.spaces import Spaces
+
+SUFFIX = ".safetensors"
+"""Of a teacher's file."""
+
+
+def teachers() -> dict[str, Path]:
+    """Return all teachers by name; the user's own come before shipped ones of the same name.
+
+    Files that are links out of their folder are none.
+
+    Raises:
+        StoreError: a folder cannot be read.
+    """
+    found: dict[str, Path] = {}
+    for folder in (user_zoo(), shipped("zoo")):
+        if folder.is_dir():
+            for name in sorted(_names(folder)):
+                found.setdefault(name, folder / f"{name}{SUFFIX}")
+    return found
+
+
+def _names(folder: Path) -> Iterator[str]:
+    try:
+        found = os.scandir(folder)
+    except OSError as error:
+        raise StoreError(f"cannot read {folder}: {error.strerror}") from error
+    with found as entries:
+        for entry in entries:
+            name = entry.name.removesuffix(SUFFIX)
+            if name == entry.name or not NAME.fullmatch(name):
+                continue
+            if not entry.is_symlink() or not _leads_out(folder / entry.name):
+                yield name
+
+
+def _leads_out(path: Path) -> bool:
+    """Tell whether a link leads out of its folder, or nowhere."""
+    home = Path(os.path.realpath(path.parent))
+    return not os.path.exists(path) or home not in Path(os.path.realpath(path)).parents
+
+
+def find(name: str) -> Path:
+    """Return the file of a teacher, by its name or by its path.
+
+    Raises:
+        NotFound: there is none.
+    """
+    if name.endswith(SUFFIX) and os.path.exists(name):
+        return Path(name)
+    known = teachers()
+    if name not in known:
+        path = user_zoo() / f"{name}{SUFFIX}"
+        if NAME.fullmatch(name) and path.is_symlink():
+            raise NotFound(
+                f"teacher '{name}' is a link that leads out of your zoo, to {path.readlink()}; "
+                f"add what is there: repaint zoo add {name} FILE"
+            )
+        raise NotFound.named("teacher", name, known, "repaint zoo list")
+    return known[name]
+
+
+def remove(name: str) -> Path:
+    """Remove one of the user's own teachers; return where it was.
+
+    Raises:
+        NotFound: there is none.
+        StoreError: it is a shipped one, or cannot be removed.
+    """
+    path = user_zoo() / f"{name}{SUFFIX}"
+    if not NAME.fullmatch(name) or not os.path.lexists(path):
+        if name in teachers():
+            raise StoreError(f"'{name}' comes with repaint; only your own teachers can be removed")
+        raise NotFound.named("teacher", name, teachers(), "repaint zoo list")
+    try:
+        path.unlink()
+    except OSError as error:
+        raise StoreError(f"cannot remove {path}: {error.strerror}") from error
+    return path
+
+
+def load_teacher(path: Path, n_seeds: int = 1) -> "tuple[ActorCritic, TeacherCard]":
+    """Load a teacher's networks, standing `n_seeds` times side by side, and its card.
+
+    Raises:
+        CheckpointError: the file is damaged or does not hold what its card says.
+        CardError: the card's networks do not read what it observes.
+    """
+    from repaint_cli.policies.networks import ActorCritic
+    from repaint_cli.policies.weights import check_networks, load, load_policy
+
+    card = read_card(path)
+    where = f"teacher '{card.name}'"
+    check_networks(path, card.spaces, card.task.net, 1, where)
+    tensors, _ = load(path)
+    network = ActorCritic(card.spaces, card.task.net, n_seeds)
+    load_policy(network, tensors, where)
+    return network, card
+
+
+def add(
+    network: "ActorCritic",
+    seed_number: int,
+    card: TeacherCard,
+    folder: Path,
+    *,
+    replace: bool = True,
+) -> Path:
+    """Write one seed's networks and their card as a teacher file; return where it is.
+
+    Args:
+        network: S policies and critics.
+        seed_number: which of them, from 0.
+        card: what it is.
+        folder: where to.
+        replace: whether it may replace another file of its name; the very same may always stay.
+
+    Raises:
+        StoreError: the name cannot be a file's, or is taken, or the folder cannot be written.
+    """
+    from repaint_cli.policies.weights import content_hash, policy_tensors, save
+
+    check_name(card.name)
+    path = folder / f"{card.name}{SUFFIX}"
+    tensors, header = policy_tensors(network, seed_number), card.model_dump(mode="json")
+    try:
+        save(path, tensors, header, new=not replace)
+    except StoreError:
+        if not _holds(path, content_hash(tensors, header)):
+            raise
+    return path
+
+
+def _holds(path: Path, wanted: str) -> bool:
+    """Tell whether a file says that its contents have this hash."""
+    with suppress(CheckpointError):
+        return read_hash(path) == wanted
+    return False
+
+
+def check_fits(cards: Sequence[TeacherCard], task: TaskCard, spaces: "Spaces") -> None:
+    """Check that teachers can act in a task and be compared with it.
+
+    Raises:
+        TeacherMismatch: naming both sides, a line for each misfit, and the teachers that fit.
+    """
+    problems = [problem for card in cards if (problem := misfit(card, task, spaces))]
+    if problems:
+        fit = ", ".join(fitting(task, spaces)) or "none yet"
+        raise TeacherMismatch("\n".join(problems) + f"; teachers that fit: {fit}")
+
+
+def fitting(task: TaskCard, spaces: "Spaces") -> list[str]:
+    """Return the names of the teachers that fit a task; damaged files fit none."""
+    names = []
+    for name, path in teachers().items():
+        with suppress(CheckpointError):
+            if not misfit(read_card(path), task, spaces):
+                names.append(name)
+    return names
+
+
+def misfit(card: TeacherCard, task: TaskCard, spaces: "Spaces") -> str | None:
+    """Return why a teacher does not fit a task, or None."""
+    if card.spaces != spaces:
+        return f"teacher '{card.name}' has {card.spaces}, task '{task.name}' has {spaces}"
+    if card.task.env.actions != task.env.actions:
+        same = sorted(card.task.env.actions or ()) == sorted(task.env.actions or ())
+        what = "the same [env] actions in another order" if same else "other [env] actions"
+        return f"teacher '{card.name}' and task '{task.name}' choose among {what}"
+    code = card.task.reward_code or task.reward_code  # which has no terms to compare
+    if not code and set(card.task.reward) != set(task.reward):
+        theirs, ours = ", ".join(card.task.reward), ", ".join(task.reward)
+        return (
+            f"teacher '{card.name}' knows the reward terms {theirs}, task '{task.name}' has {ours}"
+        )
+    return None

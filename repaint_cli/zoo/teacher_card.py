@@ -1,0 +1,164 @@
+"""What a teacher's file says of it: its card, whole and checked, or what a list shows."""
+
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+
+from pydantic import (
+    NonNegativeInt,
+    PositiveInt,
+    ValidationError,
+    field_validator,
+    model_validator,
+)
+
+from repaint_cli.errors import CheckpointError, StoreError
+from repaint_cli.files.headers import glimpse, read_header
+from repaint_cli.settings import Settings, first_problem
+from repaint_cli.tasks.task import TaskCard
+
+if TYPE_CHECKING:
+    from repaint_cli.policies.spaces import Spaces
+
+NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
+"""What a teacher may be called."""
+
+NAMES = "1 to 64 letters, digits, '.', '_' or '-'"
+"""The same for people."""
+
+
+class Score(Settings):
+    """A deterministic evaluation on seeds that training never saw."""
+
+    mean: float
+    """Mean return."""
+    low: float
+    """Lower end of its 95 % bootstrap confidence interval over episodes."""
+    high: float
+    """Upper end."""
+    episodes: PositiveInt
+    """How many episodes."""
+    progress: float | None = None
+    """Mean share of a lap, in %, on the track."""
+    laps: int | None = None
+    """Episodes that completed the lap."""
+
+
+class TeacherCard(Settings):
+    """What a teacher is and where it comes from."""
+
+    schema_version: Literal[1] = 1
+    """Version of this record."""
+    name: str
+    """What it is called."""
+    task: TaskCard
+    """The task it was trained on, whole."""
+    obs_shape: tuple[PositiveInt, ...]
+    """O."""
+    n_actions: PositiveInt
+    """A."""
+    discrete: bool
+    """Whether actions are numbers."""
+    n_beams: NonNegativeInt = 0
+    """Ranges of a lidar beside an image."""
+    algorithm: str = "ppo"
+    """What trained it; the policy of q-learning has Q for its logits, and no critic."""
+    method: str
+    """How it was trained."""
+    seed: NonNegativeInt
+    """Its run seed."""
+    iteration: NonNegativeInt
+    """After which iteration it was kept."""
+    env_steps: NonNegativeInt
+    """Environment steps it had taken by then."""
+    score: Score | None = None
+    """How well it does its own task."""
+    versions: dict[str, str]
+    """Of the libraries it was made with."""
+    parents: tuple[str, ...] = ()
+    """SHA-256 of its own teachers' files, if it had any."""
+    created: str
+    """When, UTC."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _one_parent(cls, data: Any) -> Any:
+        """Read files from before a teacher could have several teachers."""
+        if isinstance(data, dict) and "parent" in data:
+            parent = data["parent"]
+            rest = {key: value for key, value in data.items() if key != "parent"}
+            return {"parents": [parent] if parent else []} | rest
+        return data
+
+    @field_validator("name")
+    @classmethod
+    def _of_a_file(cls, name: str) -> str:
+        """Refuse names that `check_name` does: folders are called so, too."""
+        if not NAME.fullmatch(name):
+            raise ValueError(f"expected {NAMES}")
+        return name
+
+    @field_validator("obs_shape")
+    @classmethod
+    def _vector_or_image(cls, shape: tuple[int, ...]) -> tuple[int, ...]:
+        if len(shape) not in (1, 3):
+            raise ValueError("expected the size of a vector, or the three of an image")
+        return shape
+
+    @property
+    def spaces(self) -> "Spaces":
+        """What the policy reads and writes."""
+        from repaint_cli.policies.spaces import Spaces
+
+        return Spaces(self.obs_shape, self.n_actions, self.discrete, self.n_beams)
+
+
+class Glance(NamedTuple):
+    """What a list shows of a teacher; read, not checked."""
+
+    task: str
+    score: tuple[float, float, float] | None
+    """Mean, lower and upper end."""
+    env_steps: int
+
+
+def read_card(path: Path) -> TeacherCard:
+    """Read a teacher's card from its file.
+
+    Raises:
+        CheckpointError: the file is damaged, not ours, or its card says something it may not.
+    """
+    try:
+        return TeacherCard.model_validate(read_header(path))
+    except ValidationError as error:
+        raise CheckpointError(f"{path}: its card does not fit: {first_problem(error)}") from error
+
+
+def glance(path: Path) -> Glance:
+    """Read what a list shows, fast: a zoo may hold thousands.
+
+    Raises:
+        CheckpointError: the file is damaged or no teacher.
+    """
+    try:
+        header = glimpse(path)
+    except CheckpointError:  # of a long summary, say
+        header = read_header(path)
+    try:
+        score, steps = header.get("score"), int(header["env_steps"])
+        found = (float(score["mean"]), float(score["low"]), float(score["high"])) if score else None
+        if steps.bit_length() > 64:
+            raise ValueError("expected env_steps of at most 64 bits")
+        return Glance(str(header["task"]["name"]), found, steps)
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
+        raise CheckpointError(f"{path}: its card does not fit: {error!r}") from error
+
+
+def check_name(name: str) -> None:
+    """Check that a teacher may be called so.
+
+    Raises:
+        StoreError: it may not.
+    """
+    if not NAME.fullmatch(name):
+        raise StoreError(f"expected a teacher's name of {NAMES}, found {name!r}")

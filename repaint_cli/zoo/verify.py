@@ -1,0 +1,47 @@
+"""Whether a teacher is what its file says: whole, sound, fit for its task, worth its score."""
+
+from pathlib import Path
+
+from repaint_cli.errors import CheckpointError, RepaintError
+from repaint_cli.files.headers import read_hash
+from repaint_cli.learn.evaluation import spaces_of
+from repaint_cli.tasks import trust
+from repaint_cli.zoo.scoring import score
+from repaint_cli.zoo.store import load_teacher
+
+
+def verify(path: Path, *, again: bool = False) -> str:
+    """Check a teacher's file; return what was found good.
+
+    It is whole and its hash is that of its contents, its weights are finite and of the shapes that
+    its card says, the card fits the schema, and the policy fits the task in the card.
+
+    Args:
+        path: the file.
+        again: whether to measure its score once more, on the same seeds.
+
+    Raises:
+        CheckpointError: something is wrong with it.
+    """
+    network, card = load_teacher(path)
+    sound = "sound" if read_hash(path) else "sound, but without a hash: of an earlier version"
+    if code := trust.code_of(card.task):
+        return f"{sound}; {code} is never run from a teacher's file"
+    try:
+        spaces = spaces_of(card.task)
+        measured_again = score(network, card.task, card.seed) if again else None
+    except RepaintError as error:
+        raise CheckpointError(f"its own task cannot be played: {error}") from error
+    if spaces != card.spaces:
+        raise CheckpointError(f"it has {card.spaces}, its own task '{card.task.name}' {spaces}")
+    if measured_again is None:
+        return sound
+    measured = f"{measured_again.mean:.4g} [{measured_again.low:.4g}, {measured_again.high:.4g}]"
+    if card.score is None:
+        return f"{sound}; its card has no score, measured {measured}"
+    if not card.score.low <= measured_again.mean <= card.score.high:
+        raise CheckpointError(
+            f"its card says a score of {card.score.mean:.4g} [{card.score.low:.4g}, "
+            f"{card.score.high:.4g}], measured {measured}"
+        )
+    return f"{sound}; score {measured}, its card says {card.score.mean:.4g}"

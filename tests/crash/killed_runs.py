@@ -1,0 +1,141 @@
+"""Runs in processes that are killed: at a moment from outside, or by themselves in mid-write."""
+
+import multiprocessing
+import os
+import random
+import signal
+import sys
+from functools import cache
+from multiprocessing import forkserver
+from pathlib import Path
+from time import sleep
+
+import pytest
+import small_tasks
+import torch
+from small_learners import trained
+
+from repaint_cli.files import atomic
+from repaint_cli.provenance import versions
+from repaint_cli.runs.experiment import Experiment
+from repaint_cli.runs.plan import Plan, plan_of
+from repaint_cli.runs.reader import read_run
+from repaint_cli.tasks.card_files import read_task
+from repaint_cli.zoo import store
+from repaint_cli.zoo.teacher_card import TeacherCard
+
+AS_WRITTEN = "ppo.compiled=false"  # what is compiled takes a while to load
+AUTO = (
+    "transfer.phases=auto", "transfer.kickstart_schedule=auto", "select.rule=auto",
+    "transfer.iterations=12", "ppo.learning_rate=0.01",
+)  # fmt: skip
+LAP = (
+    "env.max_steps=6", "ppo.n_episodes=3", "ppo.n_epochs=1", "net.conv=[[4,8,8]]", "net.dense=8"
+)  # fmt: skip
+NOISY = "ppo.learning_rate=0.1"  # whose best policy is not its last
+RUNS = {
+    "repaint": ("reach", "repaint", "ppo", (AS_WRITTEN, NOISY, "select.scale=student-batch")),
+    "compiled": ("reach", "kickstart", "ppo", ()),
+    "auto": ("reach", "repaint", "ppo", (AS_WRITTEN, *AUTO)),
+    "relevance": ("reach", "instance", "ppo", (AS_WRITTEN, "select.rule=rbt")),
+    "racer": ("racer-inner", "scratch", "ppo", LAP),
+    "q-learning": (
+        "guess", "instance", "q-learning",
+        ("q_learning.gradient_steps=20", "q_learning.memory=200"),
+    ),
+}  # fmt: skip
+"""Kinds of runs that differ in what has to be remembered: task, method, algorithm, settings."""
+
+
+def plan(kind, folder, n_iterations=12):
+    """A run of a moment, with a teacher beside it."""
+    name, method, algorithm, settings = RUNS[kind]
+    task = read_task(name) if kind == "racer" else getattr(small_tasks, name)()
+    task = task.with_settings([*settings, f"ppo.n_iterations={n_iterations}", "eval.episodes=3"])
+    teachers = () if method == "scratch" else (add_teacher(task, folder.parent),)
+    return Plan(task, method, [3, 5], folder, teachers, None, algorithm)
+
+
+def add_teacher(task, folder):
+    """A teacher that knows the task."""
+    path = folder / "old-hand.safetensors"
+    if path.exists():
+        return path
+    lessons = getattr(small_tasks, task.name)(n_iterations=12, learning_rate=0.02)
+    learner, _ = trained(lessons, seeds=[7], instance=0)
+    spaces = learner.student.spaces
+    card = TeacherCard(
+        name="old-hand", task=task, obs_shape=spaces.obs_shape, n_actions=spaces.n_actions,
+        discrete=spaces.discrete, method="scratch", seed=0, iteration=1, env_steps=10,
+        versions=versions(), created="2021-07-18T00:00:00+00:00",
+    )  # fmt: skip
+    return store.add(learner.student, 0, card, folder)
+
+
+def go_on(kind, folder, n_iterations=12):
+    """Begin a run, or go on with it, to its end."""
+    torch.set_num_threads(1)
+    if (folder / "run.json").is_file():
+        run = read_run(folder)
+        experiment = Experiment(plan_of(run.record, run.task, folder), resume=True)
+    else:
+        experiment = Experiment(plan(kind, folder, n_iterations))
+    for _ in experiment.run():
+        pass
+
+
+def _die(*_, **__):
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def _dying(kind, folder, fate):
+    """Go on with a run and die before, after or half-way through its `fate`th file operation."""
+    rng = random.Random(fate)
+    left = [rng.randint(1, 150 if kind == "racer" else 45)]
+
+    def killable(operation):
+        def carried_out(*args, **kwargs):
+            left[0] -= 1
+            if left[0] == 0 and rng.random() < 0.5:
+                _die()
+            done = operation(*args, **kwargs)
+            if left[0] == 0:
+                if operation is real_write:
+                    os.truncate(args[0], os.path.getsize(args[0]) // 2)
+                _die()
+            return done
+
+        return carried_out
+
+    real_write = Path.write_bytes
+    Path.write_bytes = killable(real_write)
+    for name in ("fsync", "replace", "rename", "truncate", "unlink"):
+        setattr(atomic.os, name, killable(getattr(os, name)))
+    go_on(kind, folder)
+
+
+@cache
+def nursery():
+    """Where processes begin that have imported all they need."""
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload(["killed_runs"])
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("PYTHONPATH", os.pathsep.join(filter(None, sys.path)))
+        forkserver.ensure_running()
+    return context
+
+
+def killed(kind, folder, fate):
+    """Go on with a run until fate has it, or its end; return whether it was killed."""
+    outside = fate % 2
+    child = nursery().Process(
+        target=go_on if outside else _dying,
+        args=(kind, folder) if outside else (kind, folder, fate),
+    )
+    child.start()
+    if outside:
+        sleep(random.Random(fate).uniform(0.02, 4 if kind == "racer" else 0.6))
+        child.kill()
+    child.join(60)
+    assert child.exitcode in (0, -signal.SIGKILL), child.exitcode
+    return child.exitcode != 0
