@@ -29,9 +29,11 @@ class Settings(BaseModel):
     @classmethod
     def sentences(cls) -> dict[str, str]:
         """Return what stands under each field, from the source: at every import would be slow."""
+        bases = [base for base in cls.__bases__ if issubclass(base, Settings)]
+        inherited = {name: text for base in bases for name, text in base.sentences().items()}
         (body,) = ast.parse(textwrap.dedent(inspect.getsource(cls))).body
         assert isinstance(body, ast.ClassDef)
-        return {
+        return inherited | {
             field.target.id: inspect.cleandoc(str(text.value.value))
             for field, text in pairwise(body.body)
             if isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name)
@@ -48,8 +50,7 @@ def first_problem(error: ValidationError) -> str:
     problem = max(same, key=lambda problem: len(problem["loc"]))  # of several kinds, the nearest
     kinds = ("[", "constrained-")  # of a value that may be of several, which pydantic names too
     loc = [str(part) for part in problem["loc"] if not any(kind in str(part) for kind in kinds)]
-    simulator = loc.index("env") + 1 if "env" in loc else len(loc)  # which pydantic names too
-    where = f"{'.'.join(loc[:simulator] + loc[simulator + 1 :]):.200}"
+    where = f"{'.'.join(loc):.200}"
     if problem["type"] == "extra_forbidden":
         return f"unknown key '{where}'"
     found = "" if problem["type"] == "missing" else f", found {problem['input']!r:.100}"

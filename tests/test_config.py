@@ -6,15 +6,16 @@ import pytest
 from pydantic import ValidationError
 
 from repaint_cli import settings
-from repaint_cli.envs.simulator import GymEnv, RacerEnv
+from repaint_cli.envs.gymnasium.simulator import GymnasiumSimulator
+from repaint_cli.envs.racer.simulator import RacerSimulator
 from repaint_cli.settings import PPOConfig, SelectConfig, Settings, TransferConfig
+from repaint_cli.tasks.card import TaskCard
 from repaint_cli.tasks.methods import METHODS
-from repaint_cli.tasks.task import TaskCard
 from repaint_cli.zoo.teacher_card import Score, TeacherCard
 
 RECORDS = [part for part in vars(settings).values() if isinstance(part, type)]
 RECORDS = [part for part in RECORDS if issubclass(part, Settings) and part is not Settings]
-RECORDS += [GymEnv, RacerEnv, TaskCard, Score, TeacherCard]
+RECORDS += [GymnasiumSimulator, RacerSimulator, TaskCard, Score, TeacherCard]
 
 
 @pytest.mark.parametrize("record", RECORDS)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from repaint_cli.envs.simulator import RacerEnv
+from repaint_cli.envs.racer.simulator import RacerSimulator
 from repaint_cli.tasks.card_files import read_task, shipped_tasks
 
 N = 2
@@ -88,7 +88,7 @@ def test_observations_and_actions_are_in_their_spaces(card):
 
 def test_a_time_limit_truncates_and_does_not_terminate(card):
     limit = card.env.longest_episode()
-    if isinstance(card.env, RacerEnv):
+    if isinstance(card.env, RacerSimulator):
         limit = 20
         card = card.with_settings(["env.max_steps=20"])
         env = card.make_env(N)

@@ -5,7 +5,7 @@ import pytest
 import torch
 from numpy.testing import assert_allclose, assert_array_equal
 
-from repaint_cli.envs.racer.dynamics.rules import STATUS
+from repaint_cli.envs.racer.names import STATUS
 from repaint_cli.learn.evaluation import evaluate, spaces_of
 from repaint_cli.learn.seeding import Purpose, env_seeds
 from repaint_cli.policies.networks import ActorCritic
@@ -102,8 +102,8 @@ def test_a_racing_episode_knows_how_it_ended(lap):
 
 def test_what_the_car_saw_is_kept_when_asked_for(lap):
     network = student(lap)
-    assert evaluate(network, lap, [0], 2).sights is None
-    (episodes,) = evaluate(network, lap, [0], 2, keep_sights=True).sights
+    assert evaluate(network, lap, [0], 2).observations is None
+    (episodes,) = evaluate(network, lap, [0], 2, keep_observations=True).observations
     assert [images.shape for images in episodes] == [(12, 120, 160, 1)] * 2
     assert episodes[0][0].std() > 0
 
@@ -111,7 +111,7 @@ def test_what_the_car_saw_is_kept_when_asked_for(lap):
 def test_a_sight_is_what_followed_the_step():
     lap = read_task("racer-avoid").with_settings([*SMALL, "env.max_steps=3", "eval.noise=none"])
     network = student(lap)
-    ((seen,),) = evaluate(network, lap, [0], 1, keep_sights=True).sights
+    ((seen,),) = evaluate(network, lap, [0], 1, keep_observations=True).observations
     assert {name: part.shape for name, part in seen.items()} == {
         "camera": (3, 120, 160, 2), "lidar": (3, 64)
     }  # fmt: skip
@@ -147,8 +147,8 @@ def test_every_other_racing_episode_goes_the_other_way_where_the_card_says_so(la
 def test_noise_is_as_large_as_the_card_says(lap):
     names = ("action_noise", "brightness_noise", "pixel_noise", "salt_pepper", "shift")
     none, nought, some = (
-        evaluate(student(lap), lap.with_settings(settings), [0], 2, keep_sights=True)
+        evaluate(student(lap), lap.with_settings(settings), [0], 2, keep_observations=True)
         for settings in (["eval.noise=none"], [f"eval.{name}=0" for name in names], [])
     )
-    assert_array_equal(none.sights[0][0], nought.sights[0][0])
-    assert (none.sights[0][0][0] != some.sights[0][0][0]).mean() > 0.5
+    assert_array_equal(none.observations[0][0], nought.observations[0][0])
+    assert (none.observations[0][0][0] != some.observations[0][0][0]).mean() > 0.5

@@ -20,7 +20,7 @@ from repaint_cli.envs.racer.training_figures import plot_heatmap, plot_progress
 from repaint_cli.errors import StoreError
 from repaint_cli.report import style
 from repaint_cli.report.curves import plot_curves, spread
-from repaint_cli.report.paths import Paths
+from repaint_cli.report.paths import PathPanel
 
 NAN = np.nan
 ANGLES = np.linspace(0, 2 * np.pi, 60)
@@ -51,14 +51,14 @@ def laps(label="iteration 5 · return 212 · progress 63 %", n_episodes=4):
     xy[0, 28:30] *= 1.6  # off the map
     xy[0, 30:] = NAN
     speed = np.where(np.isnan(xy[:, :, 0]), NAN, 0.7 + 0.3 * np.sin(turns))
-    return Paths(xy, label, values=speed, ended_off=np.arange(n_episodes) == 0)
+    return PathPanel(xy, label, values=speed, ended_off=np.arange(n_episodes) == 0)
 
 
 def reaches(label="iteration 60 · return −4.9", n_episodes=20):
     generator = np.random.default_rng(0)
     goals = generator.uniform(-0.14, 0.14, (n_episodes, 2))
     share = np.linspace(0, 0.95, 51)[:, None]
-    return Paths(goals[:, None] * share + (1 - share) * [0.21, 0.0], label, target=goals)
+    return PathPanel(goals[:, None] * share + (1 - share) * [0.21, 0.0], label, target=goals)
 
 
 def overhang(figure):
@@ -214,7 +214,7 @@ def test_panels_share_one_speed_scale(drawn, tmp_path):
 
 def test_paths_that_do_not_fit_are_refused():
     with pytest.raises(ValueError, match="values is"):
-        Paths(np.zeros((2, 5, 2)), "x", values=np.zeros((2, 4)))
+        PathPanel(np.zeros((2, 5, 2)), "x", values=np.zeros((2, 4)))
 
 
 def training(n_iterations=8, n_episodes=5):

@@ -12,7 +12,7 @@ from small_tasks import scripted
 from repaint_cli.envs.gymnasium.vector import ENVPOOL_IDS, make_gym
 from repaint_cli.envs.reward_terms import RewardTerms
 from repaint_cli.errors import CardError
-from repaint_cli.tasks.task import TaskCard
+from repaint_cli.tasks.card import TaskCard
 
 needs_envpool = pytest.mark.skipif(not find_spec("envpool"), reason="the extra `mujoco` is absent")
 BACKENDS = [pytest.param("envpool", marks=needs_envpool), "gymnasium"]

@@ -5,12 +5,13 @@ from dataclasses import fields
 
 import numpy as np
 import pytest
+from small_runs import log_of
 
-from repaint_cli.cli.episode_table import laps
-from repaint_cli.envs.racer.deepracer.simtrace import Simtrace, log_folders
+from repaint_cli.cli.episode_table import cell
+from repaint_cli.envs.episodes import Episodes
+from repaint_cli.envs.racer import figures as racer_figures
 from repaint_cli.envs.racer.deepracer.traces import Trace
-from repaint_cli.envs.racer.dynamics.rules import STATUS
-from repaint_cli.learn.evaluation import Episodes
+from repaint_cli.envs.racer.names import STATUS
 from repaint_cli.runs import figures
 from repaint_cli.runs.reader import Run
 from repaint_cli.tasks.card_files import read_task
@@ -24,7 +25,9 @@ def told(monkeypatch):
     """What the drawing functions were given, by their name."""
     given = {}
     for name in ("plot_racer", "plot_heatmap", "plot_progress"):
-        monkeypatch.setattr(figures, name, lambda *args, name=name: given.update({name: args}))
+        monkeypatch.setattr(
+            racer_figures, name, lambda *args, name=name: given.update({name: args})
+        )
     return given
 
 
@@ -58,7 +61,7 @@ def test_a_trainings_pictures_are_drawn_from_its_logs(told, tmp_path):
         Trace(**nothing | {"progress": np.array([1.0, 2.0, far]), "status": "off_track"})
         for far in (30.0, 50.0)
     ]
-    log = Simtrace(log_folders(tmp_path, [5])[0], TASK)
+    log = log_of(TASK.env.logs.folders(tmp_path, [5])[0], TASK)
     log.train(1, ways[:1])
     log.train(3, ways[1:])
     record = {"seeds": [5, 6], "method": "scratch", "teacher": None}
@@ -76,7 +79,7 @@ def test_the_table_has_laps_and_crashes_with_intervals():
     played = race()
     played.records["progress"][-1, 0] = [100, 40, 10]
     played.records["lap_time"][-1, 0] = [24.0, 9.0, 3.0]
-    progress, whole, seconds, crashes = laps(played, 0)
+    progress, whole, seconds, crashes = map(cell, TASK.env.columns(played, 0))
     assert progress.startswith("50 [10, ")
     assert (whole, seconds) == ("1 of 3", "24")
     assert crashes.startswith("33.3 [0, ")

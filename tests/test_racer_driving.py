@@ -12,8 +12,8 @@ from repaint_cli.envs.racer.dynamics.car import (
     commands_of,
     drive_rows,
 )
-from repaint_cli.envs.racer.dynamics.rules import STATUS
 from repaint_cli.envs.racer.env import RacerVectorEnv
+from repaint_cli.envs.racer.names import STATUS
 from repaint_cli.envs.racer.track.geometry import CENTRE_GAP, INNER_GAP, NDIST, OUTER_GAP, measure
 from repaint_cli.envs.racer.track.track import Track
 

@@ -8,8 +8,8 @@ from gymnasium.vector import AutoresetMode
 from numpy.testing import assert_allclose, assert_array_equal
 
 from repaint_cli.envs.racer.dynamics.car import FRONT_OFFSET, STEP_SECONDS
-from repaint_cli.envs.racer.dynamics.rules import STATUS
 from repaint_cli.envs.racer.env import RacerVectorEnv
+from repaint_cli.envs.racer.names import STATUS
 from repaint_cli.envs.racer.sight.noise import Noise
 from repaint_cli.envs.racer.track.track import Track
 

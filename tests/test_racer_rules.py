@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from repaint_cli.envs.racer.dynamics import rules
 from repaint_cli.envs.racer.dynamics.car import BODY, FRONT_OFFSET
-from repaint_cli.envs.racer.dynamics.rules import STATUS
+from repaint_cli.envs.racer.names import STATUS
 from repaint_cli.envs.racer.track.geometry import CENTRE_GAP, NDIST, ROAD_WIDTH, WHEELS_ON, measure
 from repaint_cli.envs.racer.track.track import Track
 

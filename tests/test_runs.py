@@ -28,8 +28,8 @@ from repaint_cli.runs.checkpoint import load_networks
 from repaint_cli.runs.metrics import COLUMNS
 from repaint_cli.runs.plan import Plan
 from repaint_cli.runs.reader import newest_run, read_run
+from repaint_cli.tasks.card import TaskCard
 from repaint_cli.tasks.card_files import read_task
-from repaint_cli.tasks.task import TaskCard
 from repaint_cli.zoo.teacher_card import read_card
 
 SCRATCH = ["transfer", "--method", "scratch", "--task", "reacher", "--run", "run", *QUICK]

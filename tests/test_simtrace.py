@@ -7,17 +7,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
-from small_runs import QUICK_LAP
+from small_runs import QUICK_LAP, log_of
 
+from repaint_cli.envs.episodes import Steps
 from repaint_cli.envs.racer.deepracer.model_files import read_hyperparameters, read_model_metadata
 from repaint_cli.envs.racer.deepracer.simtrace import (
     COLUMNS,
-    Simtrace,
     read_simtrace,
     read_training,
 )
-from repaint_cli.envs.racer.deepracer.traces import Trace, driven
-from repaint_cli.envs.racer.dynamics.rules import STATUS
+from repaint_cli.envs.racer.deepracer.traces import Trace, traces_of
+from repaint_cli.envs.racer.names import STATUS
 from repaint_cli.envs.racer.track.files import load_track
 from repaint_cli.errors import StoreError
 from repaint_cli.tasks.card_files import read_task
@@ -55,7 +55,7 @@ def metrics_of(folder):
 
 def test_what_is_written_is_read_again(tmp_path):
     written = [trace(3, "lap_complete"), trace(1, "crashed", seed=1), trace(5, "time_up", seed=2)]
-    Simtrace(tmp_path, TASK).train(1, written)
+    log_of(tmp_path, TASK).train(1, written)
     ((k, read),) = read_training(tmp_path)
     assert k == 1
     for ours, theirs in zip(written, read, strict=True):
@@ -65,7 +65,7 @@ def test_what_is_written_is_read_again(tmp_path):
 
 
 def test_rows_are_deepracers(tmp_path):
-    Simtrace(tmp_path, TASK).train(1, [trace(3, "lap_complete"), trace(2, "in_progress")])
+    log_of(tmp_path, TASK).train(1, [trace(3, "lap_complete"), trace(2, "in_progress")])
     rows = rows_of(tmp_path / ALONE[0])
     assert tuple(rows[0]) == COLUMNS
     assert [(row["episode"], row["steps"]) for row in rows] == [
@@ -81,7 +81,7 @@ def test_rows_are_deepracers(tmp_path):
 
 
 def test_episodes_count_on_also_over_the_teachers_iterations(tmp_path):
-    log = Simtrace(tmp_path, TASK.with_settings(["ppo.n_episodes=2"]))
+    log = log_of(tmp_path, TASK.with_settings(["ppo.n_episodes=2"]))
     log.train(1, [trace(), trace()])
     log.evaluate(1, [trace(4, "lap_complete")])
     log.evaluate(2, [trace()])  # after an instance iteration
@@ -102,9 +102,9 @@ def test_episodes_count_on_also_over_the_teachers_iterations(tmp_path):
 
 
 def test_an_evaluation_beside_a_training_leaves_its_log_alone(tmp_path):
-    Simtrace(tmp_path, TASK).train(1, [trace()])
+    log_of(tmp_path, TASK).train(1, [trace()])
     before = [(tmp_path / place).read_text() for place in ALONE]
-    files = Simtrace(tmp_path, TASK).evaluate_alone("20261231235959", [trace(2)])
+    files = log_of(tmp_path, TASK).evaluate_alone("20261231235959", [trace(2)])
     (own,) = files
     assert own == tmp_path / "evaluation-20261231235959" / "evaluation-simtrace" / "0-iteration.csv"
     assert [(tmp_path / place).read_text() for place in ALONE] == before
@@ -112,7 +112,7 @@ def test_an_evaluation_beside_a_training_leaves_its_log_alone(tmp_path):
 
 
 def test_logs_of_other_settings_are_left_alone(tmp_path):
-    Simtrace(tmp_path, TASK).train(1, [trace()])
+    log_of(tmp_path, TASK).train(1, [trace()])
     before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
     code = {"name": "r.py", "source": "def reward_function(params):\n    return 1"}
     others = [
@@ -122,7 +122,7 @@ def test_logs_of_other_settings_are_left_alone(tmp_path):
     ]
     for other, what in zip(others, ("hyperparameters", "model_metadata", "reward_f"), strict=True):
         with pytest.raises(StoreError, match=f"holds logs of other settings: its .*{what}"):
-            Simtrace(tmp_path, other)
+            log_of(tmp_path, other)
     assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == before
 
 
@@ -137,15 +137,11 @@ def test_every_column_of_a_trace_is_the_cars():
     records["waypoint"][:, 0, 0] = 7
     records["status"][4, 0, 0] = STATUS.index("crashed")
 
-    class Rollout:
-        valid = np.ones((5, 1, 2), bool)
-        terminations = np.zeros((5, 1, 2), bool)
-        truncations = np.zeros((5, 1, 2), bool)
-        actions = np.full((5, 1, 2), 8)
-        rewards = np.ones((5, 1, 2))
-
-    Rollout.records = records
-    first, second = driven(Rollout, TASK.env, 0)
+    steps = Steps(
+        actions=np.full((5, 1, 2), 8), rewards=np.ones((5, 1, 2)),
+        valid=np.ones((5, 1, 2), bool), ends=np.zeros((5, 1, 2), bool), records=records,
+    )  # fmt: skip
+    first, second = traces_of(steps, TASK.env.actions, 0)
     assert_allclose(first.yaw, 90)
     assert first.all_wheels_on_track.tolist() == [True, True, False, True, False]
     assert first.crashes.tolist() == [0, 1, 1, 1, 2]
@@ -172,7 +168,7 @@ def test_the_other_way_the_waypoints_are_counted_the_other_way(repaint, home):
 
 def test_settings_come_back_from_the_files_beside_the_log(tmp_path):
     task = TASK.with_settings(['env.sensors="stereo+lidar"', "ppo.learning_rate=1e-4"])
-    Simtrace(tmp_path, task)
+    log_of(tmp_path, task)
     settings = read_model_metadata(tmp_path / "model" / "model_metadata.json")
     assert settings["sensors"] == "stereo+lidar"
     assert tuple(map(tuple, settings["actions"])) == task.env.actions
@@ -190,15 +186,14 @@ def test_real_logs_are_read():
 
 
 def test_episodes_of_a_rollout_are_cut_where_they_end():
-    class Rollout:
-        valid = np.array([[1, 1], [1, 1], [0, 1], [1, 0], [1, 0]], bool)[:, None]
-        terminations = np.array([[0, 0], [1, 0], [0, 1], [0, 0], [0, 0]], bool)[:, None]
-        truncations = np.zeros_like(terminations)
-        actions = np.zeros((5, 1, 2), int)
-        rewards = np.arange(10.0).reshape(5, 1, 2)
-        records = {name: np.zeros((5, 1, 2)) for name in TASK.env.records}  # noqa: RUF012
-
-    found = driven(Rollout, TASK.env, 0)
+    steps = Steps(
+        actions=np.zeros((5, 1, 2), int),
+        rewards=np.arange(10.0).reshape(5, 1, 2),
+        valid=np.array([[1, 1], [1, 1], [0, 1], [1, 0], [1, 0]], bool)[:, None],
+        ends=np.array([[0, 0], [1, 0], [0, 1], [0, 0], [0, 0]], bool)[:, None],
+        records={name: np.zeros((5, 1, 2)) for name in TASK.env.records},
+    )
+    found = traces_of(steps, TASK.env.actions, 0)
     assert [episode.reward.tolist() for episode in found] == [[0, 2], [6, 8], [1, 3, 5]]
     assert_allclose(found[0].steer, [-30, -30])
     assert found[0].throttle.tolist() == [0.5, 0.5]

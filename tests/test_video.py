@@ -250,9 +250,11 @@ def test_an_environment_that_cannot_be_drawn_is_one_line(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_the_report_floor_leaves_pyplot_and_renderers_alone():
-    modules = "curves, trajectories, video, racer_film, offscreen, statistics"
-    code = f"import sys; from repaint_cli.report import {modules}; print(*sys.modules)"
+def test_figures_and_films_leave_pyplot_and_renderers_alone():
+    drawing = ("report.curves", "report.video", "envs.racer.film", "envs.gymnasium.film")
+    drawing += ("envs.racer.path_figure", "envs.gymnasium.reacher", "statistics")
+    imports = "; ".join(f"import repaint_cli.{module}" for module in drawing)
+    code = f"import sys; {imports}; print(*sys.modules)"
     loaded = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True
     )

@@ -46,6 +46,5 @@ def evaluate(
 
     chosen = subject(what, task, Path("runs"))
     chosen = adjusted(chosen, settings, episodes, noise)
-    only_races = {"--noise": noise, "--simtrace": simtrace, "--colour": colour}
-    check_options(chosen.task, video_episodes, only_races)
-    examine(chosen, seed, video_episodes, render_offscreen, simtrace, colour or "speed")
+    check_options(chosen.task, video_episodes, noise, simtrace, colour)
+    examine(chosen, seed, video_episodes, render_offscreen, simtrace, colour or "")

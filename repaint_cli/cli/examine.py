@@ -2,35 +2,29 @@
 
 import json
 import shlex
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from repaint_cli.cli.episode_table import racing_summary, table
+from repaint_cli.cli.episode_table import table
 from repaint_cli.cli.options import customize, seed_list
 from repaint_cli.cli.screen import out
 from repaint_cli.cli.session import say_written
-from repaint_cli.envs.racer.deepracer import traces
-from repaint_cli.envs.racer.deepracer.simtrace import Simtrace
-from repaint_cli.envs.simulator import GymEnv, RacerEnv
+from repaint_cli.envs.episodes import Episodes
 from repaint_cli.errors import CardError, RenderError, TeacherMismatch
 from repaint_cli.files.atomic import check_writable, write_text
-from repaint_cli.learn.evaluation import Episodes, evaluate, spaces_of
+from repaint_cli.learn.evaluation import evaluate, spaces_of
 from repaint_cli.learn.seeding import Purpose
 from repaint_cli.policies import weights
 from repaint_cli.policies.networks import ActorCritic
 from repaint_cli.provenance import stamp
 from repaint_cli.runs.checkpoint import NETWORKS, load_networks
-from repaint_cli.runs.figures import Colour, draw_trajectories, film
+from repaint_cli.runs.figures import draw_trajectories
 from repaint_cli.runs.reader import Run, newest_run, read_run
 from repaint_cli.runs.resume import CHECKPOINT
 from repaint_cli.tasks import trust
+from repaint_cli.tasks.card import TaskCard
 from repaint_cli.tasks.card_files import read_task
-from repaint_cli.tasks.task import TaskCard
 from repaint_cli.zoo import store
-
-FILMED = {"gymnasium": 5, "racer": 1}
-"""Episodes in a video, by simulator."""
 
 
 @dataclass(frozen=True)
@@ -73,7 +67,7 @@ def subject(what: str | None, task: str | None, root: Path) -> Subject:
     network, teacher = store.load_teacher(path)
     if card:
         store.check_fits([teacher], card, spaces_of(card))
-    code = trust.code_of(teacher.task)
+    code = teacher.task.code_at_risk()
     if code and not card:
         raise CardError(
             f"'{teacher.name}' was trained with {code}, which is never run from a teacher's file; "
@@ -120,19 +114,31 @@ def adjusted(
     if settings:  # another evaluation than the run's or teacher's own
         name = f"{who.name} · {', '.join(settings)}"
         who = replace(who, name=name, folder=Path("runs") / task.name / f"eval-set-{stamp()}")
-    return replace(who, task=on_gymnasium(task))
+    return replace(who, task=task.model_copy(update={"env": task.env.for_film()}))
 
 
-def check_options(task: TaskCard, n_filmed: int | None, only_races: Mapping[str, object]) -> None:
-    """Check options that not every task knows.
+def check_options(
+    task: TaskCard,
+    n_filmed: int | None,
+    noise: str | None,
+    simtrace: Path | None,
+    colour: str | None,
+) -> None:
+    """Check options that not every simulator knows.
 
     Raises:
-        CardError: one asks for nothing, or for what only a race has.
+        CardError: an option asks for nothing, or for what the task's simulator has not.
     """
     if n_filmed is not None and n_filmed < 1:
         raise CardError(f"expected --video-episodes of at least 1, found {n_filmed}")
-    for option, given in only_races.items():
-        if given and task.env.simulator != "racer":
+    env = task.env
+    known = {
+        "--noise": not noise or env.has_noise,
+        "--simtrace": not simtrace or env.logs is not None,
+        "--colour": not colour or colour in env.colours,
+    }
+    for option, fits in known.items():
+        if not fits:
             raise CardError(
                 f"expected {option} with a racing task, found '{task.name}'; leave it out"
             )
@@ -144,18 +150,18 @@ def examine(
     n_filmed: int | None,
     render: bool,
     simtrace: Path | None,
-    colour: Colour,
+    colour: str,
 ) -> None:
     """Evaluate, print a table, and write eval.json, eval-trajectories.png and what is asked for."""
     task, n_episodes = who.task, who.task.eval.episodes
     seeds = who.seeds if seed is None else seed_list(seed, 1) * len(who.seeds)
     if simtrace:
         check_writable(simtrace)  # better now than after the races
-    sights = render and task.env.simulator == "racer"
+    observed = render and task.env.films_observations
     played = evaluate(
-        who.network, task, seeds, n_episodes, purpose=Purpose.SCORE, keep_sights=sights
+        who.network, task, seeds, n_episodes, purpose=Purpose.SCORE, keep_observations=observed
     )
-    out.print(table(who.name, who.seeds, played))
+    out.print(table(who.name, who.seeds, task.env, played))
     written = [who.folder / "eval.json"]
     write_text(written[0], json.dumps(summary(who, played, seeds), indent=2) + "\n")
     drawn = who.folder / "eval-trajectories.png"
@@ -163,11 +169,11 @@ def examine(
     if draw_trajectories(task, [(f"{n_episodes} episodes", played)], drawn, title, colour):
         written.append(drawn)
     if simtrace:
-        written += log_drives(task, played, who.seeds, simtrace)
+        written += log_episodes(task, played, who.seeds, simtrace)
     if render:
-        wanted = min(n_filmed or FILMED[task.env.simulator], n_episodes)
+        wanted = min(n_filmed or task.env.filmed_episodes, n_episodes)
         try:
-            film(task, played, who.folder / "video.mp4", who.name, wanted)
+            task.env.film(played, who.folder / "video.mp4", who.name, wanted)
             written.append(who.folder / "video.mp4")
         except RenderError:
             say_written(written, who.following)
@@ -175,21 +181,14 @@ def examine(
     say_written(written, who.following)
 
 
-def log_drives(task: TaskCard, played: Episodes, seeds: list[int], folder: Path) -> list[Path]:
-    """Log races in DeepRacer's layout, several seeds in a folder each; return the files."""
-    assert isinstance(task.env, RacerEnv)
-    files, now = [], stamp().replace("-", "")
+def log_episodes(task: TaskCard, played: Episodes, seeds: list[int], folder: Path) -> list[Path]:
+    """Log episodes in the simulator's format, several seeds in a folder each; return the files."""
+    logs, files, now = task.env.logs, [], stamp().replace("-", "")
+    assert logs is not None
     for s, seed in enumerate(seeds):
-        log = Simtrace(folder if len(seeds) == 1 else folder / f"seed-{seed}", task)
-        files += log.evaluate_alone(now, traces.played(played, task.env, s))
+        place = folder if len(seeds) == 1 else folder / f"seed-{seed}"
+        files += logs.log_episodes(place, task.logged, played, s, now)
     return files
-
-
-def on_gymnasium(task: TaskCard) -> TaskCard:
-    """Return the task on Gymnasium's own environment, which alone can film what it played."""
-    if isinstance(task.env, GymEnv):
-        return task.model_copy(update={"env": task.env.model_copy(update={"backend": "gymnasium"})})
-    return task
 
 
 def summary(who: Subject, played: Episodes, seeds: list[int]) -> dict[str, object]:
@@ -209,4 +208,4 @@ def summary(who: Subject, played: Episodes, seeds: list[int]) -> dict[str, objec
         "returns": played.returns.tolist(),
         "lengths": played.lengths.tolist(),
         "mean_terms": dict(zip(weights, terms.tolist(), strict=True)),
-    } | racing_summary(played)
+    } | who.task.env.outcomes(played)

@@ -10,7 +10,7 @@ from repaint_cli.tasks.methods import ALGORITHMS, METHODS
 from repaint_cli.tasks.presets import PRESETS
 
 if TYPE_CHECKING:
-    from repaint_cli.tasks.task import TaskCard
+    from repaint_cli.tasks.card import TaskCard
 
 Task = Annotated[
     str, typer.Option(help="A task's name (repaint tasks list) or a card of your own.")

@@ -9,11 +9,8 @@ from pathlib import Path
 
 from repaint_cli.cli.console import literal
 from repaint_cli.cli.screen import Screen, out
-from repaint_cli.envs.racer.deepracer.simtrace import log_folders
-from repaint_cli.envs.simulator import RacerEnv
 from repaint_cli.errors import CardError, NotFound, StoreError, Terminated
 from repaint_cli.files.atomic import check_writable
-from repaint_cli.learn.evaluation import has_paths
 from repaint_cli.paths import user_zoo
 from repaint_cli.provenance import stamp
 from repaint_cli.runs import evaluations
@@ -176,10 +173,10 @@ def _finish(experiment: Experiment, early: bool) -> tuple[list[Path], str]:
         if not plan.task.reward_code:  # which is never run from a teacher's file
             following = f"repaint eval {plan.teacher_name} --render-offscreen"
     written += draw_run(read_run(plan.folder))
-    if has_paths(plan.task):
+    if plan.task.env.has_paths:
         written.append(plan.folder / evaluations.FOLDER)
-    if isinstance(plan.task.env, RacerEnv):
-        written += log_folders(plan.folder, plan.seeds)
+    if logs := plan.task.env.logs:
+        written += logs.folders(plan.folder, plan.seeds)
     return written, resuming(plan) if early else following
 
 

@@ -5,13 +5,12 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from repaint_cli.cli.comparison_table import print_comparison
-from repaint_cli.cli.episode_table import racing_summary, table
+from repaint_cli.cli.episode_table import table
 from repaint_cli.cli.examine import policies
 from repaint_cli.cli.screen import out
 from repaint_cli.cli.session import say_written
-from repaint_cli.envs.simulator import RacerEnv
 from repaint_cli.errors import CardError
-from repaint_cli.learn.evaluation import evaluate, has_paths
+from repaint_cli.learn.evaluation import evaluate
 from repaint_cli.learn.seeding import Purpose
 from repaint_cli.runs import comparison
 from repaint_cli.runs.comparison import reference_of
@@ -37,12 +36,11 @@ def read_runs(folders: Sequence[Path]) -> dict[str, Run]:
     if len(tasks) != 1:
         raise CardError(f"expected runs of one task, found {', '.join(tasks) or 'no run'}")
     for run in read:
-        for part in ("env", "reward", "reward_code"):
-            if getattr(run.task, part) != getattr(read[0].task, part):
-                raise CardError(
-                    f"expected runs of one task, found other [{part}] settings in {run.folder} "
-                    f"than in {read[0].folder}"
-                )
+        if part := run.task.difference(read[0].task):
+            raise CardError(
+                f"expected runs of one task, found other [{part}] settings in {run.folder} "
+                f"than in {read[0].folder}"
+            )
     labels = [run.label for run in read]
     return {run.label if labels.count(run.label) == 1 else str(run.folder): run for run in read}
 
@@ -120,10 +118,10 @@ def play(folders: Sequence[Path], picture: Path, as_json: bool) -> None:
         CardError: there is no run, they drive on several tracks, or their task has no paths.
     """
     runs = _finished(folders)
-    if not runs or len({_place(run) for run in runs}) > 1:
-        found = ", ".join(sorted({_place(run) for run in runs})) or "no run"
+    if not runs or len({run.task.env.place for run in runs}) > 1:
+        found = ", ".join(sorted({run.task.env.place for run in runs})) or "no run"
         raise CardError(f"expected runs on one track or in one environment, found {found}")
-    if not has_paths(runs[0].task):
+    if not runs[0].task.env.has_paths:
         raise CardError(f"expected a task with paths to draw, found '{runs[0].task.name}'")
     panels, told = [], []
     for run in runs:
@@ -131,18 +129,12 @@ def play(folders: Sequence[Path], picture: Path, as_json: bool) -> None:
         played = evaluate(policies(run), run.task, seeds, EPISODES, purpose=Purpose.SCORE)
         panels.append((f"{run.task.name}: {run.label}", played))
         told.append({"run": str(run.folder), "task": run.task.name, "label": run.label})
-        told[-1] |= {"returns": played.returns.tolist()} | racing_summary(played)
+        told[-1] |= {"returns": played.returns.tolist()} | run.task.env.outcomes(played)
         if not as_json:
-            out.print(table(panels[-1][0], seeds, played))
+            out.print(table(panels[-1][0], seeds, run.task.env, played))
     title = f"the last policies, {EPISODES} episodes each, first seeds"
     draw_trajectories(runs[0].task, panels, picture, title)
     if as_json:
         print(json.dumps(told, indent=2))
     else:
         say_written([picture], "repaint compare --help")
-
-
-def _place(run: Run) -> str:
-    """Return where a run's paths lie: the track, or the environment's id."""
-    env = run.task.env
-    return env.track if isinstance(env, RacerEnv) else env.id

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from repaint_cli.tasks.task import TaskCard
+    from repaint_cli.tasks.card import TaskCard
 
 
 def similarity(

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 if TYPE_CHECKING:
-    from repaint_cli.tasks.task import TaskCard
+    from repaint_cli.tasks.card import TaskCard
 
 tasks = typer.Typer(no_args_is_help=True, help="List, show, copy, check task cards; trust a run.")
 Name = Annotated[str, typer.Argument(help="A task's name, or a card of your own.")]
@@ -75,36 +75,21 @@ def check(
     A card is tried by one random step in its environment.
     """
     from repaint_cli.cli.console import plain
+    from repaint_cli.envs.registry import simulator_classes
     from repaint_cli.learn.evaluation import try_out
     from repaint_cli.tasks.card_files import read_task
 
-    if name.endswith(".npy"):
-        return check_track(name)
+    for simulator in simulator_classes():
+        if checked := simulator.check_file(name):
+            print(f"{checked.name} is sound: {checked.facts}")
+            checked.draw()
+            print(f"wrote {checked.picture}\nnext: {checked.following}")
+            return
     card = read_task(name)
     spaces, paid = try_out(card)
     card.check_rollout()
     terms = plain(", ".join(f"{term} {value:.4g}" for term, value in paid.items()))
     print(f"{card.name} is sound: {spaces}; reward terms of a random first step: {terms}")
-
-
-def check_track(file: str) -> None:
-    """Check a file of waypoints, say what track it holds, and draw it."""
-    from repaint_cli.envs.racer.track.files import load_track
-    from repaint_cli.envs.racer.track.map import plot_track
-
-    track = load_track(file)
-    radius = track.tightest_radius
-    way = "counter-clockwise" if track.ccw else "clockwise"
-    facts = (
-        f"{track.length:.2f} m long, {track.width:.3f} m wide, "
-        f"{f'driven {way}' if track.closed else 'open'}, "
-        f"{f'tightest radius {radius:.2f} m' if radius < 100 else 'straight'}"
-    )
-    print(f"{track.name} is sound: {facts}")
-    picture = Path(f"{track.name}.png")
-    plot_track(track, picture, facts)
-    setting = shlex.quote(f"env.track={file}")
-    print(f"wrote {picture}\nnext: repaint train-teacher --task racer-inner --set {setting}")
 
 
 def to_toml(card: "TaskCard") -> str:
@@ -143,7 +128,7 @@ def trust(
     from repaint_cli.tasks import trust
 
     task = read_run(run).task
-    code = trust.code_of(task)
+    code = task.code_at_risk()
     if code is None:
         print("nothing to allow: it brings no code along")
         return

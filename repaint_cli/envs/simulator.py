@@ -1,177 +1,246 @@
-"""The simulators a task may be of, as a card's [env] section names and sets them.
+"""What a simulator is: everything that a command asks of one.
 
-Nothing here imports a simulator before it is needed.
+A card's [env] section is a simulator with its settings. A new one subclasses `Simulator` and has a
+line in `registry.REGISTRY`. **S** seeds · **T** steps · **N** environments, **E** episodes a seed.
 """
 
-from importlib import import_module
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
-from pydantic import Field, field_validator
+import numpy as np
 
-from repaint_cli.errors import CardError
+from repaint_cli.envs.episodes import Column, Episodes, Paths
+from repaint_cli.envs.logs import LogFormat
 from repaint_cli.settings import EvalConfig, Settings
 
 if TYPE_CHECKING:
     from gymnasium.vector import VectorEnv
 
+    Environments = VectorEnv[Any, Any, Any]
 
-class GymEnv(Settings):
-    """An environment of Gymnasium, by id."""
 
-    simulator: Literal["gymnasium"]
-    """Which simulator this is."""
-    id: str
-    """The environment's id, as in `gymnasium.make`."""
-    backend: Literal["auto", "envpool", "gymnasium"] = "auto"
-    """Who steps it: EnvPool where installed and checked to be equal, else Gymnasium."""
-    kwargs: dict[str, bool | int | float | str] = Field(default_factory=dict)
-    """Arguments for the environment."""
+class CheckedFile(NamedTuple):
+    """A file that is no card, checked."""
 
-    @field_validator("kwargs")
-    @classmethod
-    def _of_the_environment(cls, kwargs: dict[str, Any]) -> dict[str, Any]:
-        """Refuse what Gymnasium itself would take: windows, other time limits, wrappers."""
-        for name in ("render_mode", "max_episode_steps", "num_envs", "disable_env_checker"):
-            if name in kwargs:
-                raise ValueError(f"expected arguments of the environment itself, found {name}")
-        return kwargs
+    name: str
+    """What it holds, by name."""
+    facts: str
+    """What there is to say of it."""
+    picture: Path
+    """Where `draw` draws it."""
+    draw: Callable[[], None]
+    """Draws it."""
+    following: str
+    """The next command worth typing."""
 
-    @property
-    def actions(self) -> None:
-        """What to choose from: the environment itself says."""
 
-    @property
-    def records(self) -> tuple[str, ...]:
-        """What else of a step is worth remembering, by name: nothing that all of them know."""
-        return ()
+class Simulator(Settings, ABC):
+    """A simulator with its settings; what it does not say has a default here."""
 
-    def make(
-        self, n_envs: int, one_episode: bool, noise: EvalConfig | None
-    ) -> "VectorEnv[Any, Any, Any]":
-        """Make N copies; see `TaskCard.make_env`. They know no noise.
+    simulator: str
+    """Which simulator this is, a name in `REGISTRY`."""
+
+    # Environments
+
+    has_noise: ClassVar[bool] = False
+    """Whether `eval.noise` disturbs observations and actions."""
+
+    @abstractmethod
+    def make(self, n_envs: int, one_episode: bool, noise: EvalConfig | None) -> "Environments":
+        """Make N copies that step together, with next-step autoreset; see `Task.make_env`.
+
+        Args:
+            n_envs: N.
+            one_episode: whether environments may stop for good after their first episode.
+            noise: amplitudes of evaluation noise, where it is asked for.
 
         Raises:
-            CardError: Gymnasium does not know the id, or refuses the arguments.
+            CardError: the environment cannot be made.
         """
-        from repaint_cli.envs.gymnasium.vector import make_gym
 
-        return make_gym(self.id, n_envs, self.kwargs, self.backend)
-
-    def start_options(
-        self, n_seeds: int, n_envs: int, iteration: int | None, both_directions: bool
-    ) -> dict[str, Any] | None:
-        """Return None: the environment decides where its episodes start."""
-        return None
-
+    @abstractmethod
     def longest_episode(self) -> int:
         """Return the time limit, in steps.
 
         Raises:
-            CardError: there is no such environment, or it has no limit.
+            CardError: the environment does not exist or has no limit.
         """
-        import gymnasium
-
-        module, _, name = self.id.rpartition(":")  # where it is registered, and its name
-        try:
-            if module:
-                import_module(module)
-            limit = gymnasium.spec(name).max_episode_steps
-        except (gymnasium.error.Error, ImportError) as error:
-            raise CardError(f"gymnasium has no environment '{self.id}': {error}") from error
-        if limit is None:
-            raise CardError(
-                f"'{self.id}' has no time limit, so an evaluation might never end; "
-                "register it with max_episode_steps"
-            )
-        return limit
-
-
-RECORDS = (
-    "x", "y", "heading", "speed", "steering", "progress", "lap_time", "wheels_on", "waypoint",
-    "status",
-)  # fmt: skip
-"""What the racer tells of a car after each step."""
-
-
-class RacerEnv(Settings):
-    """Our racing simulator: a car with a camera on a track, alone or among bots."""
-
-    simulator: Literal["racer"]
-    """Which simulator this is."""
-    track: str = "reinvent-like"
-    """A shipped track, by name, or the path of a file of waypoints (`my-track.npy`)."""
-    car: Literal["sim4", "sim5", "ideal"] = "sim4"
-    """The car's dynamics: two fits to real logs, or a bicycle without lag."""
-    actions: tuple[tuple[float, float], ...] = (
-        (-30, 0.5), (-15, 0.5), (0, 0.5), (15, 0.5), (30, 0.5),
-        (-30, 1), (-15, 1), (0, 1), (15, 1), (30, 1),
-    )  # fmt: skip
-    """Steering (degrees, left is positive, at most ±30) and speed (0.1 to 4 m/s) to choose from."""
-    sensors: Literal["camera", "camera+lidar", "stereo", "stereo+lidar"] = "camera"
-    """What the car sees with: one camera or two, 6 cm apart, and perhaps a lidar looking back."""
-    n_bots: int = Field(0, ge=0, le=16)
-    """Other cars on the road, which keep a lane at 0.2 m/s and change it every few seconds."""
-    crash: Literal["at-fault", "any"] = "at-fault"
-    """Which crashes end an episode: those with a bot ahead, as DeepRacer's do, or any."""
-    range_min: float = Field(0.12, ge=0, lt=1)
-    """What the lidar reads of anything nearer, m."""
-    max_steps: int = Field(1500, gt=0)
-    """Time limit of an episode, in steps of 1/15 s."""
-
-    @field_validator("track")
-    @classmethod
-    def _found_from_anywhere(cls, track: str) -> str:
-        """Keep a file's whole path: a run or a teacher is used in other folders too."""
-        return str(Path(track).absolute()) if track.endswith(".npy") else track
-
-    @property
-    def records(self) -> tuple[str, ...]:
-        """What else of a step is worth remembering, by its name in the infos."""
-        return (*RECORDS, "bots", "hit") if self.n_bots else RECORDS
-
-    def make(
-        self, n_envs: int, one_episode: bool, noise: EvalConfig | None
-    ) -> "VectorEnv[Any, Any, Any]":
-        """Make N copies; see `TaskCard.make_env`.
-
-        Raises:
-            NotFound: there is no such track.
-            CardError: the track's file holds none, or the racer refuses a setting.
-        """
-        from gymnasium.vector import AutoresetMode
-
-        from repaint_cli.envs.racer.env import RacerVectorEnv
-        from repaint_cli.envs.racer.sight.noise import Noise
-        from repaint_cli.envs.racer.track.files import load_track
-
-        disturbances = None
-        if noise is not None:
-            disturbances = Noise(
-                noise.action_noise, noise.brightness_noise, noise.pixel_noise, noise.salt_pepper,
-                noise.shift,
-            )  # fmt: skip
-        try:
-            return RacerVectorEnv(
-                load_track(self.track), n_envs, car=self.car, actions=self.actions,
-                sensors=self.sensors, n_bots=self.n_bots, crash=self.crash,
-                range_min=self.range_min, max_steps=self.max_steps, noise=disturbances,
-                autoreset_mode=AutoresetMode.DISABLED if one_episode else AutoresetMode.NEXT_STEP,
-            )  # fmt: skip
-        except ValueError as error:
-            raise CardError(f"[env]: {error}") from error
 
     def start_options(
         self, n_seeds: int, n_envs: int, iteration: int | None, both_directions: bool
     ) -> dict[str, Any] | None:
-        """Return where S × N episodes start; see `TaskCard.start_options`."""
-        spacing = 1 / n_envs if iteration is None else 0.05
-        first = 0 if iteration is None else (iteration - 1) * n_envs
-        places = {"lap_fraction": [(first + n) * spacing % 1 for n in range(n_envs)] * n_seeds}
-        if iteration is None and both_directions:
-            return places | {"reverse": [n % 2 == 1 for n in range(n_envs)] * n_seeds}
-        return places
+        """Return where S × N episodes start, for `reset`; None where the environment decides.
 
-    def longest_episode(self) -> int:
-        """Return the time limit, in steps."""
-        return self.max_steps
+        Args:
+            n_seeds: S.
+            n_envs: N.
+            iteration: of training; None is an evaluation, whose starts are spread evenly.
+            both_directions: whether every other evaluated episode goes the other way.
+        """
+        return None
+
+    @property
+    def records(self) -> tuple[str, ...]:
+        """What of the infos of a step is worth keeping, by name."""
+        return ()
+
+    # The task
+
+    @property
+    def choices(self) -> tuple[Any, ...] | None:
+        """What policies choose among, where equal action spaces may mean other things."""
+        return None
+
+    @property
+    def reward_terms(self) -> frozenset[str] | None:
+        """All terms that it can pay, by name; None where only a running environment tells."""
+        return None
+
+    def same_world(self, other: "Simulator") -> bool:
+        """Return whether the reward terms of both mean the same, so that weights compare."""
+        return type(self) is type(other) and self.reward_terms == other.reward_terms
+
+    def symmetries(self) -> tuple[Any, ...]:
+        """Return the symmetries of observations, actions and terms: none are known yet."""
+        return ()
+
+    # Files and code that a card brings along
+
+    @classmethod
+    def resolve_files(cls, env: dict[str, Any], folder: Path) -> dict[str, Any]:
+        """Return a card's [env] with what its files stand for in their place.
+
+        Raises:
+            CardError: a file in the card's folder cannot be read.
+        """
+        return env
+
+    def files(self) -> tuple[Path, ...]:
+        """Return the user's files that the environment reads: a run goes on only with the same."""
+        return ()
+
+    def code_at_risk(self) -> str | None:
+        """Return what of somebody's own code or files would run or be read, for people, or None."""
+        return None
+
+    takes_reward_function: ClassVar[bool] = False
+    """Whether a user's own `reward_function(params)` can be the reward."""
+
+    def with_reward_function(self, env: "Environments", name: str, source: str) -> "Environments":
+        """Return the environments with the term "function", paid by a user's reward function.
+
+        Args:
+            env: what `make` returned.
+            name: the function's file, for messages.
+            source: its text.
+
+        Raises:
+            CardError: the text does not run or has no such function.
+        """
+        raise NotImplementedError
+
+    def sample_rewards(self, name: str, source: str) -> tuple[np.ndarray, np.ndarray, list[str]]:
+        """Return φ (B, F) in B states, what a reward function pays there (B,), and φ's names."""
+        raise NotImplementedError
+
+    @classmethod
+    def check_file(cls, name: str) -> "CheckedFile | None":
+        """Check a file that is no card, if it is of a kind that this simulator reads.
+
+        Raises:
+            NotFound: the file does not exist.
+            CardError: the file is damaged.
+        """
+        return None
+
+    # How episodes went
+
+    score_episodes: ClassVar[int] = 100
+    """Episodes in a teacher's score."""
+    statuses: ClassVar[tuple[str, ...]] = ()
+    """How episodes may end: names of the numbers in the record `status`."""
+
+    def columns(self, episodes: Episodes, s: int) -> list[Column]:
+        """Return what a table says of the episodes of seed s, beside their return."""
+        return [Column("length", episodes.lengths[s], "mean")]
+
+    def outcomes(self, episodes: Episodes) -> dict[str, Any]:
+        """Return how episodes went, beside returns and lengths, as JSON."""
+        return {}
+
+    # Paths and figures
+
+    @property
+    def has_paths(self) -> bool:
+        """Whether episodes lead along paths."""
+        return False
+
+    drawn_records: ClassVar[tuple[str, ...]] = ()
+    """The records that `draw_paths` shows."""
+    colours: ClassVar[tuple[str, ...]] = ()
+    """What may colour paths; the first is the default."""
+
+    @property
+    def place(self) -> str:
+        """What two tasks share whose paths can be drawn side by side, for people."""
+        return self.simulator
+
+    def paths(
+        self,
+        valid: np.ndarray,
+        records: Mapping[str, np.ndarray],
+        observations: Callable[[], np.ndarray],
+    ) -> Paths | None:
+        """Return where evaluated episodes led, if they lead anywhere.
+
+        Args:
+            valid: which steps count, (T, S, E).
+            records: what was recorded, (T, S, E, …), nan after the end.
+            observations: returns all observations, (S, T+1, E, O), where they are vectors.
+        """
+        return None
+
+    def draw_paths(
+        self, panels: Sequence[tuple[str, Episodes]], path: Path, title: str, colour: str
+    ) -> None:
+        """Draw the first seed's paths, a panel per evaluation; only where `has_paths`.
+
+        Args:
+            panels: a label and an evaluation each, in reading order.
+            path: of the PNG.
+            title: over the whole figure.
+            colour: what colours the paths; "" is the default.
+
+        Raises:
+            StoreError: the file cannot be written.
+        """
+        raise NotImplementedError
+
+    # Films
+
+    filmed_episodes: ClassVar[int] = 5
+    """Episodes in a film, where nothing else is asked for."""
+    films_observations: ClassVar[bool] = False
+    """Whether a film shows what the policy observed."""
+
+    def for_film(self) -> "Simulator":
+        """Return the settings whose episodes can be filmed."""
+        return self
+
+    @abstractmethod
+    def film(self, episodes: Episodes, path: Path, title: str, n_episodes: int) -> None:
+        """Film the first seed's first episodes.
+
+        Raises:
+            RenderError: no renderer works here, or the environment cannot be drawn.
+            StoreError: the file cannot be written.
+        """
+
+    # Logs
+
+    @property
+    def logs(self) -> LogFormat | None:
+        """Its own format of logs, or None."""
+        return None

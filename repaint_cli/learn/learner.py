@@ -18,7 +18,7 @@ from repaint_cli.learn.transfer.selection import Moments, moments
 from repaint_cli.learn.update.adam import RowAdam
 from repaint_cli.learn.update.objectives import masked_mean
 from repaint_cli.policies.networks import ActorCritic
-from repaint_cli.tasks.task import TaskCard
+from repaint_cli.tasks.card import TaskCard
 
 
 @dataclass

@@ -18,7 +18,7 @@ from repaint_cli.learn.update.compiled.update import Parts
 from repaint_cli.learn.update.epochs import learn_on_policy
 from repaint_cli.policies.networks import ActorCritic
 from repaint_cli.settings import PPOConfig, TransferConfig
-from repaint_cli.tasks.task import TaskCard
+from repaint_cli.tasks.card import TaskCard
 
 
 def own_iteration(

@@ -14,7 +14,7 @@ from repaint_cli.learn.rollout.storage import Rollout
 from repaint_cli.learn.transfer import schedules
 from repaint_cli.learn.transfer.teachers import Teacher, actors, transfer_instances
 from repaint_cli.learn.update.epochs import learn_from_instances
-from repaint_cli.tasks.task import TaskCard
+from repaint_cli.tasks.card import TaskCard
 
 
 @dataclass(frozen=True)

@@ -30,7 +30,7 @@ from repaint_cli.policies.distributions import Categorical, Distribution
 from repaint_cli.policies.networks import ActorCritic
 from repaint_cli.policies.spaces import Spaces
 from repaint_cli.settings import QLearningConfig
-from repaint_cli.tasks.task import TaskCard
+from repaint_cli.tasks.card import TaskCard
 
 
 def train(

@@ -1,4 +1,4 @@
-"""Paths of evaluated episodes, a panel an evaluation: what such figures have in common. Metres.
+"""PathPanel of evaluated episodes, a panel an evaluation: what such figures have in common. Metres.
 
 **E** episodes · **T** steps.
 """
@@ -22,10 +22,12 @@ LEAST_SPAN = 0.1
 """Of a scale, as a share of its largest number: noise is not to fill it with colours."""
 FEW = 8
 """Different values that all have a place on a scale."""
+LONG = 24
+"""Letters of a name that has a line of its own over its panel."""
 
 
 @dataclass(frozen=True)
-class Paths:
+class PathPanel:
     """The paths of one evaluation: one panel."""
 
     xy: Floats
@@ -55,6 +57,11 @@ class Paths:
                 raise ValueError(f"{name} is {np.shape(found)} beside paths {self.xy.shape}")
 
 
+def label_of(name: str, mean_return: float) -> str:
+    """Return what stands over a panel: its name and the mean return."""
+    return f"{name}{chr(10) if len(name) > LONG else ' · '}return {mean_return:.4g}"
+
+
 def grid(n_panels: int, aspect: float, title: str) -> tuple[Figure, list[Axes]]:
     """Return a figure with so many panels of height/width `aspect`, at most three a row."""
     columns = 2 if n_panels == 4 else max(1, min(n_panels, MAX_COLUMNS))
@@ -81,7 +88,7 @@ def frame(axes: Axes, label: str, low: Floats, high: Floats) -> None:
     axes.set_ylim(low[1], high[1])
 
 
-def scale_of(panels: Sequence[Paths]) -> tuple[Normalize, str]:
+def scale_of(panels: Sequence[PathPanel]) -> tuple[Normalize, str]:
     """Return one scale for all panels, without the outer 2 % of many values, and what overflows."""
     known = [np.ravel(paths.values) for paths in panels if paths.values is not None]
     values = np.concatenate([*known, np.empty(0)])

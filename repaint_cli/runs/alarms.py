@@ -10,7 +10,7 @@ import numpy as np
 from repaint_cli.errors import RepaintError
 from repaint_cli.runs.metrics import Report
 from repaint_cli.runs.reader import Run, read_run
-from repaint_cli.tasks.task import TaskCard
+from repaint_cli.tasks.card import TaskCard
 
 RARE = -4.0
 """Mean log ρ below which the loss on instances has next to no slope."""
@@ -175,4 +175,4 @@ def reference_beside(folder: Path, task: TaskCard, algorithm: str) -> np.ndarray
 def _basis(task: TaskCard) -> tuple[object, ...]:
     ppo = task.ppo
     rollouts = ppo.n_steps, ppo.n_episodes, ppo.objective
-    return task.env, task.reward, task.reward_code, rollouts, task.eval
+    return task.task, rollouts, task.eval

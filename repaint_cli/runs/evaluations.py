@@ -1,24 +1,28 @@
 """How evaluations of the first seed went, a file each in the run's folder, for the pictures."""
 
+from collections.abc import Sequence
 from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
 import torch
 
+from repaint_cli.envs.episodes import Episodes
 from repaint_cli.errors import CheckpointError
 from repaint_cli.files.atomic import written_to
-from repaint_cli.learn.evaluation import Episodes
 from repaint_cli.policies.weights import load, save
 
 FOLDER = "evaluations"
 
-DRAWN = ("speed", "progress", "status")
-"""What pictures show of a car's state beside its place."""
 
-
-def keep(run: Path, k: int, played: Episodes) -> None:
+def keep(run: Path, k: int, played: Episodes, drawn: Sequence[str]) -> None:
     """Write the first seed's part of the evaluation after iteration k.
+
+    Args:
+        run: the run's folder.
+        k: the iteration.
+        played: the evaluation of all seeds.
+        drawn: the records that figures show.
 
     Raises:
         StoreError: the folder cannot be written.
@@ -29,7 +33,7 @@ def keep(run: Path, k: int, played: Episodes) -> None:
         for part in fields(first)
         if isinstance(value := getattr(first, part.name), np.ndarray)
     }
-    arrays |= {f"records/{name}": first.records[name] for name in DRAWN if name in first.records}
+    arrays |= {f"records/{name}": first.records[name] for name in drawn if name in first.records}
     tensors = {name: torch.from_numpy(np.ascontiguousarray(a)) for name, a in arrays.items()}
     save(_file(run, k), tensors, {"iteration": k, "env_seeds": first.env_seeds})
 

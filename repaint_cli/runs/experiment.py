@@ -9,13 +9,11 @@ from typing import Any
 
 import torch
 
-from repaint_cli.envs.racer.deepracer.simtrace import START, Simtrace, log_folders
-from repaint_cli.envs.racer.deepracer.traces import driven, played
-from repaint_cli.envs.simulator import RacerEnv
+from repaint_cli.envs.logs import EpisodeLog
 from repaint_cli.errors import CheckpointError, RepaintError, StoreError, telling_where
 from repaint_cli.files.atomic import alone_in, as_json, write_text
 from repaint_cli.learn import ppo, q_learning
-from repaint_cli.learn.evaluation import evaluate, has_paths, spaces_of
+from repaint_cli.learn.evaluation import evaluate, spaces_of
 from repaint_cli.learn.learner import Learner
 from repaint_cli.policies.networks import ActorCritic
 from repaint_cli.provenance import Origin, versions
@@ -76,7 +74,7 @@ class Experiment:
         self.past = Past()
         self.notices: list[str] = []
         """What whoever resumed should know."""
-        self._logs: list[Simtrace] = []
+        self._logs: list[EpisodeLog] = []
         self.newest_alarms: list[Alarm] = []
         """What looked wrong in the last iteration."""
         self._origin = Origin.now()
@@ -109,9 +107,9 @@ class Experiment:
     def _run(self) -> Iterator[Report]:
         learner, task = self.learner, self.plan.target
         started, state = perf_counter() - self.past.seconds, "interrupted"
-        if isinstance(task.env, RacerEnv):
-            places = log_folders(self.plan.folder, self.plan.seeds)
-            self._logs = [Simtrace(path, self.plan.task, resumed=True) for path in places]
+        if logs := task.env.logs:
+            places = logs.folders(self.plan.folder, self.plan.seeds)
+            self._logs = [logs.open(path, self.plan.task.logged) for path in places]
         self._settle()
         self._write_record("running")
         try:
@@ -136,9 +134,12 @@ class Experiment:
         """Put an iteration on disk; it counts once its checkpoint is there."""
         folder, past, k = self.plan.folder, self.past, report.stats.iteration
         for s, log in enumerate(self._logs):
-            self._log_drives(log, report, s)
-        if has_paths(self.plan.task):
-            evaluations.keep(folder, k, report.evaluation)
+            if report.stats.rollout:
+                log.log_training(k, report.stats.rollout.steps, s)
+            log.log_evaluation(k, report.evaluation.steps, s)
+        if self.plan.task.env.has_paths:
+            env = self.plan.task.env
+            evaluations.keep(folder, k, report.evaluation, env.drawn_records)
         rows = [
             row | {"seed": seed} for row, seed in zip(report.rows, self.plan.seeds, strict=True)
         ]
@@ -160,9 +161,7 @@ class Experiment:
         """Make the folder tell of the finished iterations, all of them and no more."""
         k = self.learner.iteration
         settle(self.plan.folder, self.past, k, len(self.plan.seeds))
-        for log, position in zip(
-            self._logs, self.past.logs or [START] * len(self._logs), strict=True
-        ):
+        for log, position in zip(self._logs, self.past.logs or [{}] * len(self._logs), strict=True):
             log.go_back(k, position)
         self._keep_best()
 
@@ -176,14 +175,6 @@ class Experiment:
             self.learner.iteration = 0  # what it has learned is nowhere
         with suppress(RepaintError):  # a full disk, say; whoever resumes does it again
             self._settle()
-
-    def _log_drives(self, log: Simtrace, report: Report, s: int) -> None:
-        """Log how a seed's car drove, in training and evaluation."""
-        env, stats = self.plan.task.env, report.stats
-        assert isinstance(env, RacerEnv)
-        if stats.rollout:
-            log.train(stats.iteration, driven(stats.rollout, env, s))
-        log.evaluate(stats.iteration, played(report.evaluation, env, s))
 
     def _record_of(self, state: str) -> dict[str, Any]:
         """Return run.json."""

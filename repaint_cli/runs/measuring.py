@@ -2,13 +2,14 @@
 
 from collections.abc import Sequence
 
+from repaint_cli.envs.episodes import Episodes
 from repaint_cli.errors import CardError, telling_where
-from repaint_cli.learn.evaluation import Episodes, evaluate
+from repaint_cli.learn.evaluation import evaluate
 from repaint_cli.learn.learner import Learner
 from repaint_cli.learn.ppo import IterationStats
 from repaint_cli.learn.transfer.measured import Measured
 from repaint_cli.learn.transfer.teachers import Teacher
-from repaint_cli.tasks.task import TaskCard
+from repaint_cli.tasks.card import TaskCard
 
 
 def check_episodes(task: TaskCard) -> None:

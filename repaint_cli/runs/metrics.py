@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from repaint_cli.envs.episodes import Episodes
 from repaint_cli.errors import CheckpointError
 from repaint_cli.files.atomic import write_text, written_to
-from repaint_cli.learn.evaluation import Episodes
 from repaint_cli.learn.ppo import IterationStats
 
 COLUMNS = (

@@ -11,8 +11,8 @@ from pydantic import BaseModel, PositiveInt, ValidationError
 from repaint_cli.errors import CheckpointError, NotFound, TeacherMismatch
 from repaint_cli.files.atomic import sha256
 from repaint_cli.settings import TransferConfig, first_problem
+from repaint_cli.tasks.card import TaskCard
 from repaint_cli.tasks.methods import METHODS
-from repaint_cli.tasks.task import TaskCard
 from repaint_cli.zoo import store
 
 

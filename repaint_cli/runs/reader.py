@@ -14,8 +14,8 @@ from pydantic import BaseModel, ConfigDict, Field, NonNegativeInt, ValidationErr
 from repaint_cli.errors import CheckpointError, NotFound
 from repaint_cli.files.limits import read_json, read_rows
 from repaint_cli.settings import first_problem
+from repaint_cli.tasks.card import TaskCard
 from repaint_cli.tasks.methods import ALGORITHMS, METHODS
-from repaint_cli.tasks.task import TaskCard
 
 NUMBERS = (
     "eval_return", "eval_progress", "env_steps", "kickstart_coef", "kept_fraction", "seconds",

@@ -10,8 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from repaint_cli.envs.racer.deepracer.simtrace import START
-from repaint_cli.envs.simulator import RacerEnv
 from repaint_cli.errors import CheckpointError, StoreError
 from repaint_cli.files.atomic import (
     UMASK,
@@ -97,7 +95,7 @@ class Past:
                 best=(k, s),
                 alarms=[Alarm(**alarm) for alarm in record["alarms"]],
                 returns=[np.array(returns, np.float64) for returns in record["returns"]],
-                logs=[{name: float(log[name]) for name in START} for log in record["logs"]],
+                logs=[{str(n): float(x) for n, x in log.items()} for log in record["logs"]],
                 source=source,
             )
         except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
@@ -197,9 +195,8 @@ def _identity(plan: Plan, staff: Staff) -> dict[str, Any]:
     same = {name: record[name] for name in ("algorithm", "method", "seeds", "task", "transfer")}
     same["task"] = {**same["task"], "ppo": {**same["task"]["ppo"], "n_iterations": None}}
     teachers = {str(teacher["name"]): teacher["sha256"] for teacher in staff.record}
-    track = plan.task.env.track if isinstance(plan.task.env, RacerEnv) else ""
-    own = sha256(Path(track)) if track.endswith(".npy") else None
-    return same | {"teachers": teachers, "track": own}
+    files = [sha256(path) for path in plan.task.env.files()]
+    return same | {"teachers": teachers, "track": files[0] if files else None}
 
 
 def _check_identity(path: Path, notes: Mapping[str, Any], plan: Plan, staff: Staff) -> None:

@@ -13,8 +13,8 @@ from repaint_cli.learn.transfer.teachers import Teacher
 from repaint_cli.policies import weights
 from repaint_cli.policies.networks import ActorCritic
 from repaint_cli.policies.spaces import Spaces
+from repaint_cli.tasks.card import TaskCard
 from repaint_cli.tasks.similarity import cosine
-from repaint_cli.tasks.task import TaskCard
 from repaint_cli.zoo import store
 from repaint_cli.zoo.teacher_card import TeacherCard, read_card
 
@@ -114,7 +114,7 @@ def _weights(card: TeacherCard, task: TaskCard) -> np.ndarray | None:
     """Return w of a teacher's own task in the order of the target's terms, or None without one."""
     if card.task.reward_code or task.reward_code:
         return None
-    return np.array([card.task.reward[name] for name in task.reward])
+    return np.array(card.task.weights(task.reward))
 
 
 def warm_start(student: ActorCritic, staff: Staff, task: TaskCard) -> None:

@@ -7,11 +7,12 @@ import os
 from pathlib import Path
 from typing import Any
 
-from repaint_cli.envs.racer.deepracer.model_files import read_hyperparameters, read_model_metadata
+from repaint_cli.envs.racer.deepracer.model_files import read_hyperparameters
+from repaint_cli.envs.registry import REGISTRY, simulator_class
 from repaint_cli.errors import CardError, NotFound
 from repaint_cli.files.limits import read_card, read_text
 from repaint_cli.paths import shipped
-from repaint_cli.tasks.task import TaskCard
+from repaint_cli.tasks.card import TaskCard
 
 
 def shipped_tasks() -> dict[str, Path]:
@@ -41,39 +42,37 @@ def read_task(name: str) -> TaskCard:
 
 
 def _resolve(path: Path) -> dict[str, Any]:
-    """Read TOML and merge it over what it extends."""
+    """Read TOML and merge it over what it extends; files beside the card are put in place."""
     data = read_card(path, CardError)
     code = _reward_code(data, path.parent)
-    _resolve_files(data, path.parent)
     base = data.pop("extends", None)
-    if base is None:
-        return data | code
     known = shipped_tasks()
-    if not isinstance(base, str) or base not in known or known[base] == path:
+    if base is not None and (not isinstance(base, str) or base not in known or known[base] == path):
         raise NotFound.named("task", str(base), known, "repaint tasks list")
-    whole = _merge(_resolve(known[base]), data)
+    basis = {} if base is None else _resolve(known[base])
+    _resolve_files(data, basis, path.parent)
+    whole = _merge(basis, data)
     ppo = data.get("ppo")
-    if isinstance(ppo, dict) and "n_steps" in ppo and "n_episodes" not in ppo:
+    if basis and isinstance(ppo, dict) and "n_steps" in ppo and "n_episodes" not in ppo:
         whole["ppo"].pop("n_episodes", None)  # the new card counts otherwise
     return whole | code
 
 
-def _resolve_files(data: dict[str, Any], folder: Path) -> None:
+def _resolve_files(data: dict[str, Any], basis: dict[str, Any], folder: Path) -> None:
     """Put in place what [env] and [ppo] say about files, which lie beside the card.
 
     What a section says itself outranks its file.
     """
     env, ppo = (data.get(section) for section in ("env", "ppo"))
     if isinstance(env, dict):
-        if str(env.get("track", "")).endswith(".npy"):
-            env["track"] = str(folder / env["track"])
-        if isinstance(env.get("model_metadata"), str):
-            data["env"] = read_model_metadata(folder / env.pop("model_metadata")) | env
+        name = env.get("simulator", basis.get("env", {}).get("simulator"))
+        if name in REGISTRY:
+            data["env"] = simulator_class(name).resolve_files(env, folder)
     if isinstance(ppo, dict) and isinstance(ppo.get("hyperparameters"), str):
-        theirs = read_hyperparameters(folder / ppo.pop("hyperparameters"))
+        settings = read_hyperparameters(folder / ppo.pop("hyperparameters"))
         if "n_steps" in ppo:
-            theirs.pop("n_episodes", None)
-        data["ppo"] = theirs | ppo
+            settings.pop("n_episodes", None)
+        data["ppo"] = settings | ppo
 
 
 def _reward_code(data: dict[str, Any], folder: Path) -> dict[str, Any]:

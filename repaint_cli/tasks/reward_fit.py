@@ -10,12 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from repaint_cli.envs.racer.track.files import load_track
-from repaint_cli.envs.simulator import RacerEnv
 from repaint_cli.errors import CardError
-from repaint_cli.tasks.task import TaskCard
+from repaint_cli.tasks.card import TaskCard
 
-N_CARS, N_STEPS = 64, 250
 LEAST_R_SQUARED = 0.9
 """Below this a function is no weighted sum, and a cosine would say nothing."""
 NEGLIGIBLE = 0.02
@@ -51,8 +48,9 @@ def fit(task: TaskCard) -> Fit:
     Raises:
         CardError: the function failed, or always pays the same.
     """
+    assert task.reward_code is not None
     with redirect_stdout(sys.stderr):
-        phi, paid, names = _record(task)
+        phi, paid, names = task.env.sample_rewards(task.reward_code.name, task.reward_code.source)
     if np.ptp(paid) == 0:
         raise CardError(f"the reward function of '{task.name}' always pays {paid[0]:.4g}")
     w, constant = _least_squares(phi, paid, np.ones(len(names), np.bool_))
@@ -88,28 +86,3 @@ def weighed(task: TaskCard, found: Fit) -> TaskCard:
             f"{found.r_squared:.3f}; a cosine would say nothing"
         )
     return task.model_copy(update={"reward": found.weights, "reward_code": None})
-
-
-def _record(task: TaskCard) -> tuple[np.ndarray, np.ndarray, list[str]]:
-    """Return the terms (B, F) and rewards (B,) of B states, and the terms' names."""
-    from repaint_cli.envs.racer.deepracer.reward_file import RewardFunction
-    from repaint_cli.envs.racer.dynamics.car import commands_of
-    from repaint_cli.envs.racer.dynamics.fleet import Fleet
-    from repaint_cli.envs.racer.wander import wander
-
-    env, code = task.env, task.reward_code
-    assert isinstance(env, RacerEnv)
-    assert code is not None
-    track = load_track(env.track)
-    try:
-        fleet = Fleet(track, N_CARS, env.car, env.max_steps, env.n_bots, env.crash)
-    except ValueError as error:
-        raise CardError(f"[env]: {error}") from error
-    functions = [RewardFunction(code.name, code.source) for _ in range(N_CARS)]
-    phi, paid, names = [], [], list[str]()
-    for rows, gained in wander(fleet, commands_of(env.actions), N_STEPS, seed=0):
-        terms = fleet.terms(rows, gained)
-        names = list(terms)
-        phi.append(np.stack([*terms.values()], axis=1))
-        paid += [functions[row](fleet.params(row), row) for row in rows.tolist()]
-    return np.concatenate(phi), np.array(paid), names

@@ -1,36 +1,35 @@
 """How alike two tasks are, by the weights of their reward terms (paper, section 6)."""
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 from math import hypot
 
-from repaint_cli.envs.simulator import GymEnv
-from repaint_cli.tasks.task import TaskCard
+from repaint_cli.tasks.task import Task
 
 
-def cosine(first: TaskCard, second: TaskCard) -> float | None:
+def cosine(first: Task, second: Task) -> float | None:
     """Return the similarity of two tasks, or None where their environments or terms differ.
 
-    The racer's terms are always the same: one that a racing card does not name weighs 0.
+    A term that the simulator can pay and a task does not name weighs 0.
 
     sim(r₁, r₂) = w₁·w₂ / (‖w₁‖‖w₂‖)      (paper, equation 4)
     """
-    w1, w2 = first.reward, second.reward
-    if _world(first) != _world(second) or first.reward_code != second.reward_code:
+    if not first.env.same_world(second.env) or first.reward_code != second.reward_code:
         return None
-    if isinstance(first.env, GymEnv) and w1.keys() != w2.keys():
+    if first.terms != second.terms:
         return None
-    w1, w2 = _direction(w1), _direction(w2)
-    return sum(w1[name] * w2[name] for name in w1.keys() & w2.keys())
+    terms = sorted(first.reward.keys() & second.reward.keys())
+    w1, w2 = (_direction(task, terms) for task in (first, second))
+    return sum(a * b for a, b in zip(w1, w2, strict=True))
 
 
-def _direction(weights: Mapping[str, float]) -> dict[str, float]:
-    """Return w / ‖w‖; first of the largest, for the squares of tiny and huge numbers are lost."""
-    largest = max(abs(w) for w in weights.values())
-    length = hypot(*(w / largest for w in weights.values()))
-    return {name: w / largest / length for name, w in weights.items()}
+def _direction(task: Task, terms: Sequence[str]) -> list[float]:
+    """Return some terms of w / ‖w‖; scaled first, as squares of tiny and huge numbers are lost."""
+    largest = max(abs(w) for w in task.reward.values())
+    length = hypot(*(w / largest for w in task.reward.values()))
+    return [w / largest / length for w in task.weights(terms)]
 
 
-def relation(teacher: TaskCard, target: TaskCard) -> str:
+def relation(teacher: Task, target: Task) -> str:
     """Return the paper's verdict on a teacher's task for a target task (section 6).
 
     "similar" where the cosine is above 0, else "different"; and "sub-task" where the teacher's
@@ -42,10 +41,3 @@ def relation(teacher: TaskCard, target: TaskCard) -> str:
         return "not comparable"
     part = any(weight and not teacher.reward.get(name) for name, weight in target.reward.items())
     return ("similar" if similarity > 0 else "different") + (", sub-task" if part else "")
-
-
-def _world(card: TaskCard) -> tuple[str, str]:
-    """Return what decides which reward terms there are."""
-    env = card.env
-    kind = env.id if isinstance(env, GymEnv) else "with bots" if env.n_bots else "alone"
-    return env.simulator, kind

@@ -1,26 +1,16 @@
-"""A task is a card: an environment, the weights w of its reward terms φ, what else differs.
+"""A task is an environment and the weights w of its reward terms φ: what is to be learned.
 
-Nothing here imports a simulator before it is needed, so that listing and comparing tasks is quick.
+With which numbers it is learned stands in a recipe; a card is both.
 """
 
-import tomllib
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Annotated, Any
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING, Annotated, Any, Self
 
-from pydantic import Field, ValidationError, field_validator, model_validator
+from pydantic import BeforeValidator, SerializeAsAny, field_validator, model_validator
 
-from repaint_cli.envs.simulator import GymEnv, RacerEnv
-from repaint_cli.errors import CardError, NotFound
-from repaint_cli.policies.architecture import NetConfig
-from repaint_cli.settings import (
-    EvalConfig,
-    PPOConfig,
-    QLearningConfig,
-    SelectConfig,
-    Settings,
-    TransferConfig,
-    first_problem,
-)
+from repaint_cli.envs.registry import REGISTRY, simulator_class
+from repaint_cli.envs.simulator import Simulator
+from repaint_cli.settings import EvalConfig, Settings
 
 if TYPE_CHECKING:
     from repaint_cli.envs.reward_terms import RewardTerms
@@ -35,39 +25,33 @@ class RewardCode(Settings):
     """Python, with `def reward_function(params)`."""
 
 
-class TaskCard(Settings):
-    """A task: environment, reward weights, and the numbers to train it with."""
+def _by_its_class(env: Any) -> Any:
+    """Check [env] by the class of the simulator that it names."""
+    if isinstance(env, Simulator):
+        return env
+    if not isinstance(env, Mapping):
+        raise ValueError("expected a valid dictionary or object to extract fields from")
+    name = env.get("simulator")
+    if name is None:
+        raise ValueError("Unable to extract tag using discriminator 'simulator'")
+    if name not in REGISTRY:
+        known = ", ".join(f"'{known}'" for known in REGISTRY)
+        raise ValueError(
+            f"Input tag '{name}' found using 'simulator' does not match any of the expected tags: "
+            f"{known}"
+        )
+    return simulator_class(name).model_validate(env)
 
-    name: str
-    """The card's file name without its suffix."""
-    summary: str
-    """One sentence for people."""
-    env: Annotated[GymEnv | RacerEnv, Field(discriminator="simulator")]
+
+class Task(Settings):
+    """A task. Equal tasks have the same environment and pay the same for every step."""
+
+    env: Annotated[SerializeAsAny[Simulator], BeforeValidator(_by_its_class)]
     """The simulator and its settings."""
     reward: dict[str, float]
     """Weights w by the names of the terms φ, in multiples of the environment's own coefficients."""
     reward_code: RewardCode | None = None
     """In place of weighed terms: a function of the racer's `params`, the one term "function"."""
-    net: NetConfig = Field(default_factory=NetConfig)
-    """The networks."""
-    ppo: PPOConfig = Field(default_factory=PPOConfig)
-    """Training."""
-    transfer: TransferConfig = Field(default_factory=TransferConfig)
-    """The teacher's part."""
-    select: SelectConfig = Field(default_factory=SelectConfig)
-    """Experience selection."""
-    q_learning: QLearningConfig = Field(default_factory=QLearningConfig)
-    """Q-learning in place of PPO."""
-    eval: EvalConfig = Field(default_factory=EvalConfig)
-    """Evaluation."""
-
-    @field_validator("name")
-    @classmethod
-    def _of_one_folder(cls, name: str) -> str:
-        """Refuse names that lead elsewhere: the folder of a task's runs is called so, too."""
-        if not name.isprintable() or set(name) & set("/\\[]") or name in ("", ".", ".."):
-            raise ValueError("expected a name that a folder can have, without / \\ [ ]")
-        return name
 
     @field_validator("reward")
     @classmethod
@@ -77,107 +61,68 @@ class TaskCard(Settings):
         return weights
 
     @model_validator(mode="after")
-    def _code_is_for_the_racer(self) -> "TaskCard":
-        if self.reward_code and self.env.simulator != "racer":
+    def _code_has_its_simulator(self) -> "Task":
+        if self.reward_code and not self.env.takes_reward_function:
             raise ValueError("a reward function needs the racer's params: env.simulator = 'racer'")
         if self.reward_code and list(self.reward) != ["function"]:
             raise ValueError("a reward function stands alone: leave the other terms out")
         return self
 
+    def __eq__(self, other: object) -> bool:
+        """Return whether both are the same task; a term that weighs 0 makes no difference."""
+        return isinstance(other, Task) and self.difference(other) is None
+
+    def __hash__(self) -> int:
+        return hash((self.env.simulator, frozenset(self._weights().items()), self.reward_code))
+
+    def difference(self, other: "Task") -> str | None:
+        """Return the section of a card in which two tasks differ, or None."""
+        if self.env != other.env:
+            return "env"
+        if self._weights() != other._weights():
+            return "reward"
+        return "reward_code" if self.reward_code != other.reward_code else None
+
+    def _weights(self) -> dict[str, float]:
+        return {name: weight for name, weight in self.reward.items() if weight}
+
     @property
-    def automatic(self) -> bool:
-        """Whether something of the transfer is decided by what is measured."""
-        return "auto" in (
-            self.transfer.kickstart_schedule, self.transfer.phases, self.select.rule
-        )  # fmt: skip
+    def terms(self) -> frozenset[str]:
+        """The terms that it has a weight for: those it names, and 0 for those it could be paid."""
+        return frozenset(self.reward) | (self.env.reward_terms or frozenset())
 
-    @classmethod
-    def parse(cls, data: Mapping[str, Any], where: str) -> "TaskCard":
-        """Check a card's data.
+    def weights(self, terms: Iterable[str]) -> list[float]:
+        """Return w of some of its terms, in their order; 0 for those that it does not name."""
+        return [self.reward.get(name, 0.0) for name in terms]
 
-        Raises:
-            CardError: naming the first key that is unknown, absent or out of range.
-        """
-        try:
-            return cls.model_validate(data)
-        except ValidationError as error:
-            raise CardError(f"{where}: {first_problem(error)}") from error
+    def naming(self, terms: Iterable[str]) -> Self:
+        """Return the same task that names these terms too, with weight 0 where it did not."""
+        absent = {name: 0.0 for name in sorted(terms) if name not in self.reward}
+        return self.model_copy(update={"reward": self.reward | absent}) if absent else self
 
-    def with_settings(self, settings: list[str]) -> "TaskCard":
-        """Return the card with `section.key=value` settings applied; values are TOML or words.
-
-        Raises:
-            CardError: a setting is malformed or out of range.
-            NotFound: there is no such section or key.
-        """
-        data = self.model_dump()
-        for setting in settings:
-            path, found, value = setting.partition("=")
-            if not found or path.count(".") != 1:
-                raise CardError(f"expected --set section.key=value, found '{setting}'")
-            section, key = path.split(".")
-            sections = [name for name, part in data.items() if isinstance(part, dict)]
-            where = "repaint tasks show " + self.name
-            if section not in sections:
-                raise NotFound.named("section", section, sections, where)
-            if section != "reward" and key not in data[section]:
-                raise NotFound.named(
-                    "setting", path, [f"{section}.{k}" for k in data[section]], where
-                )
-            data[section][key] = _toml_value(value)
-        return TaskCard.parse(data, f"task '{self.name}'") if settings else self
+    def code_at_risk(self) -> str | None:
+        """Return what of it is somebody's own code or file, for people; None where nothing is."""
+        if self.reward_code:
+            return f"the reward function {self.reward_code.name}"
+        return self.env.code_at_risk()
 
     def make_env(
-        self, n_envs: int, *, one_episode: bool = False, noise: bool = False
+        self, n_envs: int, *, one_episode: bool = False, noise: EvalConfig | None = None
     ) -> "RewardTerms":
-        """Make N copies of the task's environment; its rewards are w·φ.
+        """Make N copies of the environment; their rewards are w·φ.
 
         Args:
             n_envs: N.
             one_episode: whether environments may stop for good after their first episode.
-            noise: whether to add the paper's small evaluation noise, where the simulator knows it.
+            noise: the amplitudes of evaluation noise, where it is wanted and the simulator has it.
 
         Raises:
             CardError: the environment cannot be made.
         """
         from repaint_cli.envs.reward_terms import RewardTerms
 
-        amplitudes = self.eval if noise else None
-        env = self.env.make(n_envs, one_episode, amplitudes)
+        env = self.env.make(n_envs, one_episode, noise)
         if self.reward_code:
-            from repaint_cli.envs.racer.deepracer.reward_file import RewardFile
-
-            env = RewardFile(env, self.reward_code.name, self.reward_code.source)
+            code = self.reward_code
+            env = self.env.with_reward_function(env, code.name, code.source)
         return RewardTerms(env, self.reward)
-
-    def start_options(
-        self, n_seeds: int, n_envs: int, iteration: int | None
-    ) -> dict[str, Any] | None:
-        """Return where S × N episodes start, for `reset`; None where the environment decides.
-
-        Racing episodes start 0.05 laps after one another, iteration after iteration, as DeepRacer's
-        do; without an iteration (evaluation) the N episodes are spread evenly over the lap.
-        """
-        return self.env.start_options(n_seeds, n_envs, iteration, self.eval.both_directions)
-
-    def check_rollout(self) -> None:
-        """Check that episodes end, and that every environment of a rollout finishes one.
-
-        Raises:
-            CardError: an episode, or with fresh environments each iteration all of them, would not.
-        """
-        need = self.env.longest_episode() + 1
-        steps, envs = self.ppo.n_steps, self.ppo.n_envs
-        if self.ppo.n_episodes is None and steps and steps < envs * need:
-            advice = f"n_envs={steps // need}" if steps >= need else f"n_steps={envs * need}"
-            raise CardError(
-                f"expected ppo.n_steps / ppo.n_envs of at least {need} (the longest episode + 1), "
-                f"found {steps} / {envs}; try --set ppo.{advice}"
-            )
-
-
-def _toml_value(text: str) -> Any:
-    try:
-        return tomllib.loads(f"value = {text}")["value"]
-    except tomllib.TOMLDecodeError:
-        return text

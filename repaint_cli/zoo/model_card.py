@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from repaint_cli.files.atomic import sha256
-from repaint_cli.tasks.task import TaskCard
+from repaint_cli.tasks.card import TaskCard
 from repaint_cli.zoo.teacher_card import Score, TeacherCard
 
 

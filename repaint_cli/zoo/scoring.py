@@ -4,16 +4,13 @@ from repaint_cli.learn.evaluation import evaluate
 from repaint_cli.learn.seeding import Purpose
 from repaint_cli.policies.networks import ActorCritic
 from repaint_cli.statistics import mean_ci
-from repaint_cli.tasks.task import TaskCard
+from repaint_cli.tasks.card import TaskCard
 from repaint_cli.zoo.teacher_card import Score
-
-SCORE_EPISODES = {"gymnasium": 100, "racer": 20}
-"""Episodes in a teacher's score, by simulator."""
 
 
 def score(network: ActorCritic, task: TaskCard, seed: int) -> Score:
     """Evaluate one policy on seeds that no training or evaluation has used."""
-    episodes = SCORE_EPISODES[task.env.simulator]
+    episodes = task.env.score_episodes
     played = evaluate(network, task, [seed], episodes, purpose=Purpose.SCORE)
     mean, low, high = mean_ci(played.returns[0])
     laps = progress = None

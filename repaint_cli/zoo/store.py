@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from repaint_cli.errors import CheckpointError, NotFound, StoreError, TeacherMismatch
 from repaint_cli.files.headers import read_hash
 from repaint_cli.paths import shipped, user_zoo
-from repaint_cli.tasks.task import TaskCard
+from repaint_cli.tasks.card import TaskCard
 from repaint_cli.zoo.teacher_card import NAME, TeacherCard, check_name, read_card
 
 if TYPE_CHECKING:
@@ -180,14 +180,16 @@ def misfit(card: TeacherCard, task: TaskCard, spaces: "Spaces") -> str | None:
     """Return why a teacher does not fit a task, or None."""
     if card.spaces != spaces:
         return f"teacher '{card.name}' has {card.spaces}, task '{task.name}' has {spaces}"
-    if card.task.env.actions != task.env.actions:
-        same = sorted(card.task.env.actions or ()) == sorted(task.env.actions or ())
+    choices = card.task.env.choices, task.env.choices
+    if choices[0] != choices[1]:
+        same = sorted(choices[0] or ()) == sorted(choices[1] or ())
         what = "the same [env] actions in another order" if same else "other [env] actions"
         return f"teacher '{card.name}' and task '{task.name}' choose among {what}"
     code = card.task.reward_code or task.reward_code  # which has no terms to compare
-    if not code and set(card.task.reward) != set(task.reward):
-        theirs, ours = ", ".join(card.task.reward), ", ".join(task.reward)
+    strange = card.task.reward.keys() - task.terms | task.reward.keys() - card.task.terms
+    if strange and not code:
         return (
-            f"teacher '{card.name}' knows the reward terms {theirs}, task '{task.name}' has {ours}"
+            f"teacher '{card.name}' knows the reward terms {', '.join(card.task.reward)}, "
+            f"task '{task.name}' has {', '.join(task.reward)}"
         )
     return None

@@ -15,7 +15,7 @@ from pydantic import (
 from repaint_cli.errors import CheckpointError, StoreError
 from repaint_cli.files.headers import glimpse, read_header
 from repaint_cli.settings import Settings, first_problem
-from repaint_cli.tasks.task import TaskCard
+from repaint_cli.tasks.card import TaskCard
 
 if TYPE_CHECKING:
     from repaint_cli.policies.spaces import Spaces

@@ -5,7 +5,6 @@ from pathlib import Path
 from repaint_cli.errors import CheckpointError, RepaintError
 from repaint_cli.files.headers import read_hash
 from repaint_cli.learn.evaluation import spaces_of
-from repaint_cli.tasks import trust
 from repaint_cli.zoo.scoring import score
 from repaint_cli.zoo.store import load_teacher
 
@@ -25,7 +24,7 @@ def verify(path: Path, *, again: bool = False) -> str:
     """
     network, card = load_teacher(path)
     sound = "sound" if read_hash(path) else "sound, but without a hash: of an earlier version"
-    if code := trust.code_of(card.task):
+    if code := card.task.code_at_risk():
         return f"{sound}; {code} is never run from a teacher's file"
     try:
         spaces = spaces_of(card.task)

@@ -8,13 +8,13 @@ from typing import Any
 
 import damage
 from small_learners import learner_of, spaces_of
-from small_runs import REACHER, add_teacher
+from small_runs import REACHER, add_teacher, log_of
 from small_tasks import reach
 from test_simtrace import TASK, trace
 
 from repaint_cli.cli.console import literal
 from repaint_cli.cli.tasks import to_toml
-from repaint_cli.envs.racer.deepracer.simtrace import Simtrace, read_training
+from repaint_cli.envs.racer.deepracer.simtrace import read_training
 from repaint_cli.envs.racer.track.files import load_track
 from repaint_cli.paths import PACKAGE
 from repaint_cli.policies import weights
@@ -147,7 +147,7 @@ def card_targets(folder):
 
 
 def log_targets(folder):
-    log = Simtrace(folder, TASK)
+    log = log_of(folder, TASK)
     log.train(1, [trace(3), trace(4, seed=1)])
     steps = folder / "training-simtrace" / "0-iteration.csv"
     episodes = folder / "metrics" / "TrainingMetrics.json"

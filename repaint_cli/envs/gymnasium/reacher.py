@@ -16,7 +16,7 @@ from matplotlib.patches import Circle
 from repaint_cli.report import style
 from repaint_cli.report.markers import TARGET, TIP, legend, sign
 from repaint_cli.report.paths import (
-    Paths,
+    PathPanel,
     colour_bar,
     coloured_paths,
     ends_of,
@@ -30,7 +30,7 @@ REACH = 0.21
 EDGE = np.array([0.235, 0.235])
 
 
-def plot_reacher(panels: Sequence[Paths], path: Path, title: str) -> None:
+def plot_reacher(panels: Sequence[PathPanel], path: Path, title: str) -> None:
     """Draw fingertip paths in the arm's plane, coloured by time, with what they missed by.
 
     Args:
@@ -58,7 +58,7 @@ def plot_reacher(panels: Sequence[Paths], path: Path, title: str) -> None:
     style.save(figure, path)
 
 
-def _targets(axes: Axes, paths: Paths) -> None:
+def _targets(axes: Axes, paths: PathPanel) -> None:
     """Mark targets and final fingertips, and join each pair by what is missing between them."""
     ends = ends_of(paths.xy)
     if paths.target is not None:

@@ -15,7 +15,7 @@ from repaint_cli.envs.racer.sweep import cell_of, sweep
 from repaint_cli.report import style
 from repaint_cli.report.markers import CRASH, EXIT, START, legend, sign
 from repaint_cli.report.paths import (
-    Paths,
+    PathPanel,
     colour_bar,
     coloured_paths,
     ends_of,
@@ -31,7 +31,7 @@ PASSAGE = 0.35
 
 
 def plot_racer(
-    panels: Sequence[Paths],
+    panels: Sequence[PathPanel],
     inner: Floats,
     outer: Floats,
     centre: Floats,
@@ -73,7 +73,7 @@ def plot_racer(
     style.save(figure, path)
 
 
-def _swept(axes: Axes, paths: Paths, scale: Normalize, low: Floats, high: Floats) -> None:
+def _swept(axes: Axes, paths: PathPanel, scale: Normalize, low: Floats, high: Floats) -> None:
     """Colour what the cars swept by the mean value there, fuller where more of them passed."""
     known = paths.values is not None
     values = paths.values if paths.values is not None else np.zeros(paths.xy.shape[:2])
@@ -87,7 +87,7 @@ def _swept(axes: Axes, paths: Paths, scale: Normalize, low: Floats, high: Floats
     axes.imshow(colours, extent=extent, origin="lower", zorder=2.5, interpolation="bilinear")
 
 
-def _starts_and_exits(axes: Axes, paths: Paths) -> None:
+def _starts_and_exits(axes: Axes, paths: PathPanel) -> None:
     mark(axes, paths.xy[:, 0], START)
     if paths.ended_off is not None:
         mark(axes, ends_of(paths.xy)[np.asarray(paths.ended_off, dtype=bool)], EXIT)

@@ -4,10 +4,17 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from repaint_cli.envs.racer.deepracer.reward_file import RewardFunction
+from repaint_cli.envs.racer.dynamics.car import commands_of
 from repaint_cli.envs.racer.dynamics.fleet import Fleet, Rows
 from repaint_cli.envs.racer.dynamics.rules import IN_PROGRESS
+from repaint_cli.envs.racer.simulator import RacerSimulator
+from repaint_cli.envs.racer.track.files import load_track
 from repaint_cli.envs.racer.track.track import Floats
+from repaint_cli.errors import CardError
 
+N_CARS, N_STEPS = 64, 250
+"""Whose states a reward function is judged on."""
 LOOK_AHEAD = 0.5
 """How far ahead along the centre line a car aims, m."""
 WIDEST = 0.65
@@ -65,3 +72,31 @@ def _nearest(commands: Floats, steering: Floats, speed: Floats) -> Rows:
     apart = np.abs(commands[:, 0] - steering[:, None])  # (N, A)
     slack = 1e-3 * np.abs(commands[:, 1] - speed[:, None])
     return np.asarray((apart + slack).argmin(axis=1))
+
+
+def sample_rewards(
+    env: RacerSimulator, name: str, source: str
+) -> tuple[np.ndarray, np.ndarray, list[str]]:
+    """Return what 64 wandering cars meet: φ (B, F), a reward function's pay (B,), names of φ.
+
+    Args:
+        env: what is driven.
+        name: the function's file, for messages.
+        source: its text.
+
+    Raises:
+        CardError: the function failed, or [env] is refused.
+    """
+    track = load_track(env.track)
+    try:
+        fleet = Fleet(track, N_CARS, env.car, env.max_steps, env.n_bots, env.crash)
+    except ValueError as error:
+        raise CardError(f"[env]: {error}") from error
+    functions = [RewardFunction(name, source) for _ in range(N_CARS)]
+    phi, rewards, names = [], [], list[str]()
+    for rows, gained in wander(fleet, commands_of(env.actions), N_STEPS, seed=0):
+        terms = fleet.terms(rows, gained)
+        names = list(terms)
+        phi.append(np.stack([*terms.values()], axis=1))
+        rewards += [functions[row](fleet.params(row), row) for row in rows.tolist()]
+    return np.concatenate(phi), np.array(rewards), names

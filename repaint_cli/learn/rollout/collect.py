@@ -16,7 +16,7 @@ from repaint_cli.learn.rollout.observations import each, parts
 from repaint_cli.learn.rollout.storage import Rollout, Tape
 from repaint_cli.learn.seeding import Purpose, env_seeds
 from repaint_cli.policies.distributions import Distribution
-from repaint_cli.tasks.task import TaskCard
+from repaint_cli.tasks.card import TaskCard
 
 Policy = Callable[[Any, Sequence[int]], Distribution]
 """Maps observations (S, B, *O), the first counts[s] of them real, to distributions."""
@@ -38,7 +38,9 @@ def start(
     Evaluation starts are spread over the task's starts; training starts go on where the last
     iteration's ended.
     """
-    env = task.make_env(len(seeds) * n_envs, one_episode=one_episode, noise=noise)
+    env = task.make_env(
+        len(seeds) * n_envs, one_episode=one_episode, noise=task.eval if noise else None
+    )
     spread = purpose in (Purpose.EVALUATE, Purpose.SCORE)
     options = task.start_options(len(seeds), n_envs, None if spread else iteration)
     drawn = env_seeds(seeds, purpose, iteration, n_envs, stream)

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import torch
 
+from repaint_cli.envs.episodes import Steps
 from repaint_cli.learn.rollout.observations import Frames, Store, each, parts
 from repaint_cli.policies.distributions import Distribution, joined
 
@@ -35,6 +36,12 @@ class Rollout:
     """Whether the step counts, (T, S, N)."""
     records: dict[str, np.ndarray] = field(default_factory=dict)
     """Whatever else was asked for from `info`, each (T, S, N, …)."""
+
+    @property
+    def steps(self) -> Steps:
+        """What was done, without observations, as simulators log it."""
+        ends = self.terminations | self.truncations
+        return Steps(self.actions, self.rewards, self.valid, ends, self.records)
 
     def episodes(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return (seed, return, length) of every episode that ended here, (episodes,) each."""

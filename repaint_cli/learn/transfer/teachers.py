@@ -22,7 +22,7 @@ from repaint_cli.learn.update.objectives import masked_mean
 from repaint_cli.policies.distributions import Distribution, blend
 from repaint_cli.policies.networks import ActorCritic
 from repaint_cli.settings import TransferConfig
-from repaint_cli.tasks.task import TaskCard
+from repaint_cli.tasks.card import TaskCard
 
 
 @dataclass(frozen=True)

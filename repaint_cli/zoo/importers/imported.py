@@ -15,7 +15,7 @@ from repaint_cli.policies.architecture import NetConfig
 from repaint_cli.policies.networks import ActorCritic, leaves_of
 from repaint_cli.policies.spaces import Spaces
 from repaint_cli.provenance import versions
-from repaint_cli.tasks.task import TaskCard
+from repaint_cli.tasks.card import TaskCard
 from repaint_cli.zoo import store
 from repaint_cli.zoo.importers.statistics import Statistics
 from repaint_cli.zoo.scoring import score

@@ -20,14 +20,15 @@ from typing import Any
 
 import numpy as np
 
+from repaint_cli.envs.logs import LoggedRun
 from repaint_cli.envs.racer.deepracer.model_files import hyperparameters, model_metadata
 from repaint_cli.envs.racer.deepracer.traces import Trace
+from repaint_cli.envs.racer.dynamics.car import STEP_SECONDS
+from repaint_cli.envs.racer.simulator import RacerSimulator
 from repaint_cli.envs.racer.track.files import load_track
-from repaint_cli.envs.simulator import RacerEnv
 from repaint_cli.errors import CheckpointError, StoreError
 from repaint_cli.files.atomic import as_json, write_text, written_to
 from repaint_cli.files.limits import read_json, read_rows, read_text
-from repaint_cli.tasks.task import TaskCard
 
 COLUMNS = (
     "episode", "steps", "X", "Y", "yaw", "steer", "throttle", "action", "reward", "done",
@@ -54,27 +55,27 @@ START: Mapping[str, float] = {"clock": 0.0, "episodes": 0, "noted": 0}
 class Simtrace:
     """One car's log folder; its clock runs on from episode to episode, in simulated seconds."""
 
-    def __init__(self, folder: Path, task: TaskCard, *, resumed: bool = False) -> None:
+    def __init__(
+        self, folder: Path, env: RacerSimulator, run: LoggedRun, *, resumed: bool = False
+    ) -> None:
         """Write what does not change; the folder may hold earlier logs of the same settings.
 
         Args:
             folder: where.
-            task: a racing task.
-            resumed: whether the folder is the task's own, as `go_back` needs it.
+            env: what is driven.
+            run: what the log says of the run.
+            resumed: whether the folder is the run's own, as `go_back` needs it.
 
         Raises:
             StoreError: the folder cannot be written, or holds logs of other settings.
         """
-        from repaint_cli.envs.racer.dynamics.car import STEP_SECONDS
-
-        assert isinstance(task.env, RacerEnv)
         self.folder = folder
         self._step = STEP_SECONDS
-        self._per_iteration = task.ppo.n_episodes or 0
-        self._length = load_track(task.env.track).length
+        self._per_iteration = run.ppo.n_episodes or 0
+        self._length = load_track(env.track).length
         self._clock, self._episodes = 0.0, 0
         self._metrics: list[dict[str, Any]] = []
-        self._write_settings(task, task.env, resumed)
+        self._write_settings(env, run, resumed)
 
     @property
     def position(self) -> dict[str, float]:
@@ -87,6 +88,7 @@ class Simtrace:
         Raises:
             CheckpointError: its metrics are damaged.
         """
+        position = {**START, **position}
         path, noted = self.folder / METRICS, int(position["noted"])
         try:
             text = path.read_text(encoding="utf-8") if noted else '{"metrics": []}'
@@ -153,12 +155,12 @@ class Simtrace:
         except (StoreError, LookupError, TypeError):
             return (self.folder / TRAINING).is_dir()
 
-    def _write_settings(self, task: TaskCard, env: RacerEnv, known: bool) -> None:
-        deep = len(task.net.eyes.layers) > 3
+    def _write_settings(self, env: RacerSimulator, run: LoggedRun, known: bool) -> None:
+        deep = run.n_convolutions > 3
         texts = {
             "model/model_metadata.json": as_json(model_metadata(env.actions, env.sensors, deep)),
-            "ip/hyperparameters.json": as_json(hyperparameters(task.ppo)),
-            "reward_function.py": task.reward_code.source if task.reward_code else None,
+            "ip/hyperparameters.json": as_json(hyperparameters(run.ppo)),
+            "reward_function.py": run.reward_function,
         }
         for place, text in texts.items():
             path = self.folder / place
@@ -215,11 +217,6 @@ class Simtrace:
     def _write_metrics(self) -> None:
         data = {"metrics": self._metrics, "version": 2.0, "best_model_metric": "progress"}
         write_text(self.folder / METRICS, as_json(data))
-
-
-def log_folders(run: Path, seeds: Sequence[int]) -> list[Path]:
-    """Return where a run on the racer keeps each seed's logs."""
-    return [run / "deepracer" / f"seed-{seed}" for seed in seeds]
 
 
 def read_training(folder: Path) -> Iterator[tuple[int, list[Trace]]]:

@@ -4,17 +4,13 @@ Angles are in degrees, as the logs have them; the other units are SI, progress i
 **T** steps · **S** seeds · **N** environments or **E** episodes per seed.
 """
 
-from collections.abc import Iterator
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from repaint_cli.envs.simulator import RacerEnv
-
-if TYPE_CHECKING:
-    from repaint_cli.learn.evaluation import Episodes
-    from repaint_cli.learn.rollout.storage import Rollout
+from repaint_cli.envs.episodes import Steps
+from repaint_cli.envs.racer.names import STATUS
 
 
 @dataclass(frozen=True)
@@ -55,58 +51,26 @@ class Trace:
         return np.stack([self.x, self.y], axis=1)
 
 
-def driven(rollout: "Rollout", env: RacerEnv, s: int) -> list[Trace]:
-    """Return a seed's training episodes, environment by environment; the last may be unfinished.
+def traces_of(steps: Steps, actions: Sequence[tuple[float, float]], s: int) -> list[Trace]:
+    """Return a seed's episodes, environment by environment; the last may be unfinished.
 
     Args:
-        rollout: with the records of the racer.
-        env: what was driven.
+        steps: with the records of the racer.
+        actions: what the cars chose among, steering (degrees) and speed (m/s).
         s: which of the S seeds.
     """
-    over = rollout.terminations | rollout.truncations
-    return [
-        _trace(rollout.records, rollout.actions, rollout.rewards, env, (steps, s, n))
-        for n in range(rollout.valid.shape[2])
-        for steps in _episodes(rollout.valid[:, s, n], over[:, s, n])
-    ]
-
-
-def played(episodes: "Episodes", env: RacerEnv, s: int) -> list[Trace]:
-    """Return a seed's evaluated episodes.
-
-    Args:
-        episodes: of a racing task.
-        env: what was driven.
-        s: which of the S seeds.
-    """
-    return [
-        _trace(episodes.records, episodes.actions, episodes.rewards, env, (np.arange(steps), s, e))
-        for e, steps in enumerate(episodes.lengths[s])
-    ]
-
-
-def _episodes(valid: np.ndarray, over: np.ndarray) -> Iterator[np.ndarray]:
-    """Yield the steps of each episode of one environment; valid and over are (T,)."""
-    steps = np.flatnonzero(valid)
-    for episode in np.split(steps, np.flatnonzero(over[steps]) + 1):
-        if len(episode):
-            yield episode
+    return [_trace(steps, actions, episode) for episode in steps.episodes(s)]
 
 
 def _trace(
-    records: dict[str, np.ndarray],
-    actions: np.ndarray,
-    rewards: np.ndarray,
-    env: RacerEnv,
-    place: tuple[np.ndarray, int, int],
+    steps: Steps, actions: Sequence[tuple[float, float]], episode: tuple[np.ndarray, int, int]
 ) -> Trace:
     """Cut an episode out of arrays (T, S, N)."""
     from repaint_cli.envs.racer.dynamics.car import commands_of
-    from repaint_cli.envs.racer.dynamics.rules import STATUS
 
-    at = {name: rows[place] for name, rows in records.items()}
-    action = actions[place]
-    steer, throttle = commands_of(env.actions)[action].T
+    at = {name: rows[episode] for name, rows in steps.records.items()}
+    action = steps.actions[episode]
+    steer, throttle = commands_of(actions)[action].T
     hit = at.get("hit", np.zeros(len(action)))
     return Trace(
         x=at["x"],
@@ -115,7 +79,7 @@ def _trace(
         steer=np.rad2deg(steer),
         throttle=throttle,
         action=action,
-        reward=rewards[place],
+        reward=steps.rewards[episode],
         all_wheels_on_track=at["wheels_on"] == 4,
         progress=at["progress"],
         closest_waypoint=at["waypoint"].astype(int),

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from repaint_cli.envs.racer.dynamics.encounters import CLEAR, DISTANCE, HAZARDS, NEXT_SEEN
+from repaint_cli.envs.racer.names import STATUS
 from repaint_cli.envs.racer.track.geometry import (
     CENTRE_GAP,
     INNER_GAP,
@@ -17,10 +18,6 @@ from repaint_cli.envs.racer.track.geometry import (
     WHEELS_ON,
 )
 
-STATUS = (
-    "in_progress", "lap_complete", "off_track", "immobilized", "reversed", "time_up", "crashed",
-)  # fmt: skip
-"""What `status` in the infos counts off."""
 IN_PROGRESS, LAP_COMPLETE, OFF_TRACK, IMMOBILIZED, REVERSED, TIME_UP, CRASHED = range(len(STATUS))
 
 PATIENCE = 15

@@ -1,11 +1,14 @@
 """A track on its own, from above: its lanes, its start line and which way it is driven. Metres."""
 
+import shlex
 from pathlib import Path
 
 import numpy as np
 
 from repaint_cli.envs.racer.road import draw_road, lane_patches
+from repaint_cli.envs.racer.track.files import load_track
 from repaint_cli.envs.racer.track.track import Track
+from repaint_cli.envs.simulator import CheckedFile
 from repaint_cli.report import style
 
 ARROWS = 6
@@ -51,3 +54,25 @@ def plot_track(track: Track, path: Path, facts: str) -> None:
         fontsize=style.NOTE_SIZE,
     )  # fmt: skip
     style.save(figure, path)
+
+
+def check_track(file: str) -> CheckedFile:
+    """Check a file of waypoints and say what track it holds.
+
+    Raises:
+        NotFound: the file does not exist.
+        CardError: the file holds no track.
+    """
+    track = load_track(file)
+    radius = track.tightest_radius
+    way = "counter-clockwise" if track.ccw else "clockwise"
+    facts = (
+        f"{track.length:.2f} m long, {track.width:.3f} m wide, "
+        f"{f'driven {way}' if track.closed else 'open'}, "
+        f"{f'tightest radius {radius:.2f} m' if radius < 100 else 'straight'}"
+    )
+    picture, setting = Path(f"{track.name}.png"), shlex.quote(f"env.track={file}")
+    return CheckedFile(
+        track.name, facts, picture, lambda: plot_track(track, picture, facts),
+        f"repaint train-teacher --task racer-inner --set {setting}",
+    )  # fmt: skip

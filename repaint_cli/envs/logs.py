@@ -1,0 +1,96 @@
+"""Logs of episodes in a simulator's own format."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from repaint_cli.envs.episodes import Episodes, Steps
+from repaint_cli.settings import PPOConfig
+
+
+@dataclass(frozen=True)
+class LoggedRun:
+    """What a log says of the run that it is of."""
+
+    ppo: PPOConfig
+    """Training."""
+    n_convolutions: int
+    """How many convolutions the policy's camera network has."""
+    reward_function: str | None
+    """The text of a user's reward function, if that is the reward."""
+
+
+class EpisodeLog(ABC):
+    """A seed's log of its episodes, which a resumed run goes on with."""
+
+    @property
+    @abstractmethod
+    def position(self) -> dict[str, float]:
+        """How far the log is, for `go_back`."""
+
+    @abstractmethod
+    def go_back(self, k: int, position: Mapping[str, float]) -> None:
+        """Remove what was logged after iteration k, when the log was at `position`.
+
+        An empty position is the log's beginning.
+
+        Raises:
+            CheckpointError: the log is damaged.
+        """
+
+    @abstractmethod
+    def log_training(self, k: int, steps: Steps, s: int) -> None:
+        """Log what seed s did in the rollout of iteration k, from 1."""
+
+    @abstractmethod
+    def log_evaluation(self, k: int, steps: Steps, s: int) -> None:
+        """Log how the evaluation of seed s after iteration k went."""
+
+
+class LogFormat(ABC):
+    """A simulator's format of logs: where they lie in a run, how they are written and drawn."""
+
+    @abstractmethod
+    def folders(self, run: Path, seeds: Sequence[int]) -> list[Path]:
+        """Return where a run keeps each seed's log, (S,)."""
+
+    @abstractmethod
+    def open(self, folder: Path, run: LoggedRun) -> EpisodeLog:
+        """Begin a run's own log in its folder, or go on with it.
+
+        Raises:
+            StoreError: the folder cannot be written.
+        """
+
+    @abstractmethod
+    def log_episodes(
+        self, folder: Path, run: LoggedRun, episodes: Episodes, s: int, stamp: str
+    ) -> list[Path]:
+        """Log evaluated episodes of seed s on their own; return the files.
+
+        Args:
+            folder: where to.
+            run: that the policy is of.
+            episodes: what was evaluated.
+            s: which of the seeds.
+            stamp: the time, 14 digits.
+
+        Raises:
+            StoreError: the folder cannot be written, or holds logs of other settings.
+        """
+
+    @abstractmethod
+    def draw_training(
+        self, run: Path, seeds: Sequence[int], progress: np.ndarray, title: str
+    ) -> list[Path]:
+        """Draw what a run's logs show of its first seed's training; return the pictures.
+
+        Args:
+            run: its folder.
+            seeds: its seeds, (S,).
+            progress: evaluated mean progress, (S, K) in %.
+            title: over the figures.
+        """

@@ -1,0 +1,21 @@
+"""What the racer's infos are called: records of a step, reward terms, ends of episodes."""
+
+RECORDS = (
+    "x", "y", "heading", "speed", "steering", "progress", "lap_time", "wheels_on", "waypoint",
+    "status",
+)  # fmt: skip
+"""What is known of a car after each step."""
+
+BOT_RECORDS = ("bots", "hit")
+"""What is known besides of a car among bots."""
+
+TERMS = frozenset({"lane", "keep", "dprog", "fail"})
+"""What every car may be paid for."""
+
+BOT_TERMS = frozenset({"clear", "hazard", "camlane"})
+"""What a car among bots may be paid for besides."""
+
+STATUS = (
+    "in_progress", "lap_complete", "off_track", "immobilized", "reversed", "time_up", "crashed",
+)  # fmt: skip
+"""What the record `status` counts off."""

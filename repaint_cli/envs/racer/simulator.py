@@ -1,0 +1,236 @@
+"""Our racing simulator with its settings: what a command may ask of it."""
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
+
+import numpy as np
+from pydantic import Field, field_validator
+
+from repaint_cli.envs.episodes import Column, Episodes, Paths
+from repaint_cli.envs.logs import LogFormat
+from repaint_cli.envs.racer.names import BOT_RECORDS, BOT_TERMS, RECORDS, STATUS, TERMS
+from repaint_cli.envs.simulator import CheckedFile, Simulator
+from repaint_cli.errors import CardError
+from repaint_cli.settings import EvalConfig
+
+if TYPE_CHECKING:
+    from repaint_cli.envs.simulator import Environments
+
+
+class RacerSimulator(Simulator):
+    """Our racing simulator: a car with a camera on a track, alone or among bots."""
+
+    simulator: Literal["racer"]
+    """Which simulator this is."""
+    track: str = "reinvent-like"
+    """A shipped track, by name, or the path of a file of waypoints (`my-track.npy`)."""
+    car: Literal["sim4", "sim5", "ideal"] = "sim4"
+    """The car's dynamics: two fits to real logs, or a bicycle without lag."""
+    actions: tuple[tuple[float, float], ...] = (
+        (-30, 0.5), (-15, 0.5), (0, 0.5), (15, 0.5), (30, 0.5),
+        (-30, 1), (-15, 1), (0, 1), (15, 1), (30, 1),
+    )  # fmt: skip
+    """Steering (degrees, left is positive, at most ±30) and speed (0.1 to 4 m/s) to choose from."""
+    sensors: Literal["camera", "camera+lidar", "stereo", "stereo+lidar"] = "camera"
+    """What the car sees with: one camera or two, 6 cm apart, and perhaps a lidar looking back."""
+    n_bots: int = Field(0, ge=0, le=16)
+    """Other cars on the road, which keep a lane at 0.2 m/s and change it every few seconds."""
+    crash: Literal["at-fault", "any"] = "at-fault"
+    """Which crashes end an episode: those with a bot ahead, as DeepRacer's do, or any."""
+    range_min: float = Field(0.12, ge=0, lt=1)
+    """What the lidar reads of anything nearer, m."""
+    max_steps: int = Field(1500, gt=0)
+    """Time limit of an episode, in steps of 1/15 s."""
+
+    @field_validator("track")
+    @classmethod
+    def _from_any_folder(cls, track: str) -> str:
+        """Keep a file's whole path: a run or a teacher is used in other folders too."""
+        return str(Path(track).absolute()) if track.endswith(".npy") else track
+
+    # Environments
+
+    has_noise: ClassVar[bool] = True
+
+    def make(self, n_envs: int, one_episode: bool, noise: EvalConfig | None) -> "Environments":
+        """Make N cars; see `Simulator.make`."""
+        from gymnasium.vector import AutoresetMode
+
+        from repaint_cli.envs.racer.env import RacerVectorEnv
+        from repaint_cli.envs.racer.sight.noise import Noise
+        from repaint_cli.envs.racer.track.files import load_track
+
+        amplitudes = None
+        if noise is not None:
+            amplitudes = Noise(
+                noise.action_noise, noise.brightness_noise, noise.pixel_noise, noise.salt_pepper,
+                noise.shift,
+            )  # fmt: skip
+        try:
+            return RacerVectorEnv(
+                load_track(self.track), n_envs, car=self.car, actions=self.actions,
+                sensors=self.sensors, n_bots=self.n_bots, crash=self.crash,
+                range_min=self.range_min, max_steps=self.max_steps, noise=amplitudes,
+                autoreset_mode=AutoresetMode.DISABLED if one_episode else AutoresetMode.NEXT_STEP,
+            )  # fmt: skip
+        except ValueError as error:
+            raise CardError(f"[env]: {error}") from error
+
+    def longest_episode(self) -> int:
+        """Return the time limit, in steps."""
+        return self.max_steps
+
+    def start_options(
+        self, n_seeds: int, n_envs: int, iteration: int | None, both_directions: bool
+    ) -> dict[str, Any] | None:
+        """Return where S × N episodes start; see `Simulator.start_options`.
+
+        Training starts are 0.05 laps after one another, iteration after iteration, as DeepRacer's.
+        """
+        spacing = 1 / n_envs if iteration is None else 0.05
+        first = 0 if iteration is None else (iteration - 1) * n_envs
+        places = {"lap_fraction": [(first + n) * spacing % 1 for n in range(n_envs)] * n_seeds}
+        if iteration is None and both_directions:
+            return places | {"reverse": [n % 2 == 1 for n in range(n_envs)] * n_seeds}
+        return places
+
+    @property
+    def records(self) -> tuple[str, ...]:
+        """What of the infos of a step is worth keeping, by name."""
+        return (*RECORDS, *BOT_RECORDS) if self.n_bots else RECORDS
+
+    # The task
+
+    @property
+    def choices(self) -> tuple[tuple[float, float], ...]:
+        """The actions."""
+        return self.actions
+
+    @property
+    def reward_terms(self) -> frozenset[str]:
+        """All terms that it can pay."""
+        return TERMS | BOT_TERMS if self.n_bots else TERMS
+
+    # Files and code that a card brings along
+
+    @classmethod
+    def resolve_files(cls, env: dict[str, Any], folder: Path) -> dict[str, Any]:
+        """Return [env] with the track beside the card, and what `model_metadata` says.
+
+        What the card says itself outranks its file. See `Simulator.resolve_files`.
+        """
+        from repaint_cli.envs.racer.deepracer.model_files import read_model_metadata
+
+        env = dict(env)
+        if str(env.get("track", "")).endswith(".npy"):
+            env["track"] = str(folder / env["track"])
+        if isinstance(env.get("model_metadata"), str):
+            return read_model_metadata(folder / env.pop("model_metadata")) | env
+        return env
+
+    def files(self) -> tuple[Path, ...]:
+        """Return the track's file, if it is the user's."""
+        return (Path(self.track),) if self.track.endswith(".npy") else ()
+
+    takes_reward_function: ClassVar[bool] = True
+
+    def with_reward_function(self, env: "Environments", name: str, source: str) -> "Environments":
+        """Return the cars with a user's reward function; see `Simulator.with_reward_function`."""
+        from repaint_cli.envs.racer.deepracer.reward_file import RewardFile
+
+        return RewardFile(env, name, source)
+
+    def sample_rewards(self, name: str, source: str) -> tuple[np.ndarray, np.ndarray, list[str]]:
+        """Return φ and rewards of what 64 wandering cars meet; see `Simulator.sample_rewards`."""
+        from repaint_cli.envs.racer.wander import sample_rewards
+
+        return sample_rewards(self, name, source)
+
+    @classmethod
+    def check_file(cls, name: str) -> CheckedFile | None:
+        """Check a file of waypoints; see `Simulator.check_file`."""
+        if not name.endswith(".npy"):
+            return None
+        from repaint_cli.envs.racer.track.map import check_track
+
+        return check_track(name)
+
+    # How episodes went
+
+    score_episodes: ClassVar[int] = 20
+    statuses: ClassVar[tuple[str, ...]] = STATUS
+
+    def columns(self, episodes: Episodes, s: int) -> list[Column]:
+        """Return progress, laps, their times and crashes; see `Simulator.columns`."""
+        progress, status, seconds = episodes.progress, episodes.status, episodes.lap_times
+        assert progress is not None
+        assert status is not None
+        assert seconds is not None
+        return [
+            Column("progress, %", progress[s]),
+            Column("laps", seconds[s], "count"),
+            Column("lap time, s", seconds[s]),
+            Column("crashes, %", 100.0 * (status[s] == STATUS.index("crashed"))),
+        ]
+
+    def outcomes(self, episodes: Episodes) -> dict[str, Any]:
+        """Return progress (%), lap times (s) and how episodes ended, as JSON."""
+        progress, status, seconds = episodes.progress, episodes.status, episodes.lap_times
+        assert progress is not None
+        assert status is not None
+        assert seconds is not None
+        return {
+            "progress": progress.tolist(),
+            "lap_times": [[None if np.isnan(time) else time for time in row] for row in seconds],
+            "status": [[STATUS[int(code)] for code in row] for row in status],
+        }
+
+    # Paths, figures, films, logs
+
+    @property
+    def has_paths(self) -> bool:
+        """Whether episodes lead along paths: cars do."""
+        return True
+
+    drawn_records: ClassVar[tuple[str, ...]] = ("speed", "progress", "status")
+    colours: ClassVar[tuple[str, ...]] = ("speed", "reward")
+
+    @property
+    def place(self) -> str:
+        """The track."""
+        return self.track
+
+    def paths(
+        self,
+        valid: np.ndarray,
+        records: Mapping[str, np.ndarray],
+        observations: Callable[[], np.ndarray],
+    ) -> Paths:
+        """Return where the cars' front points were; see `Simulator.paths`."""
+        xy = np.stack([records["x"], records["y"]], -1)  # (T, S, E, 2)
+        return Paths(np.moveaxis(xy, 0, 2))
+
+    def draw_paths(
+        self, panels: Sequence[tuple[str, Episodes]], path: Path, title: str, colour: str
+    ) -> None:
+        """Draw the track with the cars' paths; see `Simulator.draw_paths`."""
+        from repaint_cli.envs.racer.figures import draw_paths
+
+        draw_paths(self, panels, path, title, colour)
+
+    filmed_episodes: ClassVar[int] = 1
+    films_observations: ClassVar[bool] = True
+
+    def film(self, episodes: Episodes, path: Path, title: str, n_episodes: int) -> None:
+        """Film the track beside what the camera sees; see `Simulator.film`."""
+        from repaint_cli.envs.racer.figures import film
+
+        film(self, episodes, path, title, n_episodes)
+
+    @property
+    def logs(self) -> LogFormat:
+        """DeepRacer's logs."""
+        from repaint_cli.envs.racer.deepracer.logs import DeepRacerLogs
+
+        return DeepRacerLogs(self)

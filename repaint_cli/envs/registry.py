@@ -1,0 +1,24 @@
+"""Which simulators there are: a new one is a line here and a folder beside this file."""
+
+from collections.abc import Iterator
+from importlib import import_module
+
+from repaint_cli.envs.simulator import Simulator
+
+REGISTRY = {
+    "gymnasium": "repaint_cli.envs.gymnasium.simulator:GymnasiumSimulator",
+    "racer": "repaint_cli.envs.racer.simulator:RacerSimulator",
+}
+"""The class of each simulator by its name in a card, as module:class; imported when needed."""
+
+
+def simulator_class(name: str) -> type[Simulator]:
+    """Return the class of a simulator by its name in the registry."""
+    module, _, kind = REGISTRY[name].partition(":")
+    found: type[Simulator] = getattr(import_module(module), kind)
+    return found
+
+
+def simulator_classes() -> Iterator[type[Simulator]]:
+    """Yield the class of every simulator."""
+    return map(simulator_class, REGISTRY)
