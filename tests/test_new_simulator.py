@@ -1,0 +1,88 @@
+"""A simulator of a test's own, with one entry in the registry: every command works on it."""
+
+import json
+
+import pytest
+
+from repaint_cli.envs.registry import REGISTRY
+
+CARD = """
+summary = "A point on a line should {aim}."
+[env]
+simulator = "line"
+image = {image}
+[reward]
+{reward}
+[net]
+{net}
+[ppo]
+n_iterations = 2
+n_steps = 24
+n_envs = 2
+n_epochs = 2
+minibatch_size = 12
+[eval]
+episodes = 2
+"""
+NETS = {
+    "vector": "hidden = [8]",
+    "image": 'kind = "cnn"\nconv = [[4, 4, 2], [8, 3, 1]]\ndense = 16',
+}
+
+
+@pytest.fixture(params=["vector", "image"])
+def line(request, home, monkeypatch):
+    """The folder with two cards of the new simulator: stay (near 0), go (to the right, near 0)."""
+    monkeypatch.setitem(REGISTRY, "line", "line_simulator:LineSimulator")
+    rewards = {"stay": "near = 1.0", "go": "near = 0.5\nright = 1.0"}
+    for name, reward in rewards.items():
+        image = str(request.param == "image").lower()
+        text = CARD.format(aim=name, image=image, reward=reward, net=NETS[request.param])
+        (home / f"{name}.toml").write_text(text)
+    return home
+
+
+def test_every_command_works_on_it(line, repaint):
+    assert "stay is sound" in repaint("tasks", "check", "stay.toml").out
+
+    trained = repaint("train-teacher", "--task", "stay.toml", "--run", "stay")
+    assert trained.code == 0, trained.err
+    teacher = line / "home" / "zoo" / "stay.safetensors"
+    assert teacher.is_file()
+
+    # a teacher who was never paid for going right teaches a task that pays for it
+    taught = repaint("transfer", "--task", "go.toml", "--teacher", "stay", "--run", "go")
+    assert taught.code == 0, taught.err
+    rows = (line / "go" / "metrics.csv").read_text().splitlines()
+    assert [row.split(",")[2] for row in rows[1:]] == ["representation", "instance"]
+    assert repaint("transfer", "--resume", "go", "--iterations", 3).code == 0
+    assert len((line / "go" / "metrics.csv").read_text().splitlines()) == 4
+    assert (line / "go" / "trajectories.png").is_file()
+
+    played = repaint("eval", "go", "--render-offscreen")
+    assert played.code == 0, played.err
+    assert "last x" in played.out
+    assert (line / "go" / "video.mp4").stat().st_size > 500
+    assert len(json.loads((line / "go" / "eval.json").read_text())["last_x"][0]) == 2
+
+    alike = json.loads(repaint("similarity", "stay.toml", "go.toml", "--json").out)
+    assert alike[0]["cosine"] == pytest.approx(0.5 / 1.25**0.5)
+    assert alike[0]["relation"] == "similar, sub-task"
+
+    drawn = repaint("compare", "stay", "go", "--trajectories")
+    assert drawn.code == 0, drawn.err
+    assert (line / "compare-trajectories.png").is_file()
+
+    verified = repaint("zoo", "verify", "stay", "--score")
+    assert "stay: sound; score" in verified.out
+    exported = repaint("zoo", "export", "stay", "out")
+    assert exported.code == 0, exported.err
+    assert (line / "out" / "card.json").is_file()
+
+
+def test_a_term_that_it_cannot_pay_is_refused(line, repaint):
+    (line / "odd.toml").write_text((line / "go.toml").read_text().replace("right", "left"))
+    repaint("train-teacher", "--task", "stay.toml", "--iterations", 1)
+    refused = repaint("transfer", "--task", "odd.toml", "--teacher", "stay")
+    assert refused.code != 0
+    assert "left" in refused.err
