@@ -1,0 +1,81 @@
+"""A task is an environment and a reward; a card is a task and a recipe."""
+
+import pytest
+from small_runs import add_teacher
+
+from repaint_cli.learn.evaluation import spaces_of
+from repaint_cli.policies.spaces import Spaces
+from repaint_cli.tasks.card_files import read_task
+from repaint_cli.tasks.similarity import cosine
+from repaint_cli.zoo.store import misfit
+from repaint_cli.zoo.teacher_card import read_card
+
+CAMERA = Spaces((120, 160, 1), 10, True)
+
+
+def inner(**weights):
+    """The inner lane's card with these weights."""
+    card = read_task("racer-inner")
+    return card.model_copy(update={"reward": weights})
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        [],
+        ["ppo.gamma=0.9", "net.dense=8", "eval.episodes=3", "transfer.iterations=2"],  # the recipe
+        ["reward.fail=0"],  # a term that weighs 0
+    ],
+)
+def test_equal_tasks_are_one_in_a_set(settings):
+    card = read_task("racer-outer")
+    other = card.with_settings(settings)
+    assert card.task == other.task
+    assert len({card.task, other.task}) == 1
+
+
+@pytest.mark.parametrize(
+    ("setting", "section"),
+    [("env.track=oval", "env"), ("env.max_steps=9", "env"), ("reward.lane=2", "reward")],
+)
+def test_another_environment_or_weight_is_another_task(setting, section):
+    card = read_task("racer-outer")
+    other = card.with_settings([setting])
+    assert card.task != other.task
+    assert len({card.task, other.task}) == 2
+    assert card.difference(other) == other.difference(card) == section
+
+
+def test_cards_of_one_task_may_differ():
+    card = read_task("reacher")
+    other = card.with_settings(["ppo.gamma=0.9"])
+    assert card != other
+    assert card == read_task("reacher")
+    assert card.task == other.task
+
+
+def test_a_lane_teacher_may_teach_a_task_that_pays_progress_too(home):
+    """Similarity and transfer agree: what the simulator can pay and a card leaves out weighs 0."""
+    path = add_teacher(home, "lane", "racer-inner", CAMERA)
+    teacher = read_card(path)
+    for target in (inner(lane=-1.0, dprog=10.0), inner(dprog=1.0)):
+        assert misfit(teacher, target, spaces_of(target)) is None
+        assert cosine(teacher.task, target) is not None
+    assert cosine(inner(lane=3.0), inner(lane=3.0, dprog=4.0)) == pytest.approx(0.6)
+    assert inner(lane=3.0).weights(["dprog", "lane"]) == [0.0, 3.0]
+
+
+def test_a_term_that_the_simulator_cannot_pay_is_a_misfit(home):
+    teacher = read_card(add_teacher(home, "lane", "racer-inner", CAMERA))
+    target = inner(lane=1.0, clear=1.0)  # there are no bots to be clear of
+    assert "knows the reward terms lane, task 'racer-inner' has lane, clear" in misfit(
+        teacher, target, CAMERA
+    )
+    assert cosine(teacher.task, target) is None
+
+
+def test_naming_a_term_changes_no_task():
+    card = inner(lane=1.0)
+    named = card.naming({"lane", "dprog"})
+    assert named.reward == {"lane": 1.0, "dprog": 0.0}
+    assert named.task == card.task
