@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from pydantic import Field, ValidationError, field_validator, model_validator
 
 from repaint_cli.envs.simulator import GymEnv, RacerEnv
-from repaint_cli.errors import CardError, NotFound
+from repaint_cli.errors import CardError, NotFound, UsageError
 from repaint_cli.policies.architecture import NetConfig
 from repaint_cli.settings import (
     EvalConfig,
@@ -107,14 +107,15 @@ class TaskCard(Settings):
         """Return the card with `section.key=value` settings applied; values are TOML or words.
 
         Raises:
-            CardError: a setting is malformed or out of range.
+            UsageError: a setting is not `section.key=value`.
+            CardError: a value is out of range.
             NotFound: there is no such section or key.
         """
         data = self.model_dump()
         for setting in settings:
             path, found, value = setting.partition("=")
             if not found or path.count(".") != 1:
-                raise CardError(f"expected --set section.key=value, found '{setting}'")
+                raise UsageError(f"expected --set section.key=value, found '{setting}'")
             section, key = path.split(".")
             sections = [name for name, part in data.items() if isinstance(part, dict)]
             where = "repaint tasks show " + self.name
