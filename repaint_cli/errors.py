@@ -1,9 +1,11 @@
 """What can go wrong, as a tree; the number is the exit code of the command line.
 
+A class without a number has that of the class above.
+
 ```
 RepaintError                1   anything the program can explain in a line
 ├── UsageError              2   an option is malformed, missing, or not for what it is given with
-│   └── NotFound            2   an unknown task, teacher, run, method or setting
+│   └── NotFound                an unknown task, teacher, run, method or setting
 ├── CardError               3   a card, a setting or an environment says something it may not
 ├── TeacherMismatch         4   a teacher and a task do not fit
 ├── CheckpointError         5   a weights file is absent, damaged, or of another shape

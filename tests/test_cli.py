@@ -14,7 +14,7 @@ from small_runs import QUICK, QUICK_LAP, add_teacher, files_below, weights_of
 from repaint_cli import __version__
 from repaint_cli.cli import examine, screen
 from repaint_cli.cli.app import app
-from repaint_cli.cli.options import parse_ratio, seed_list
+from repaint_cli.cli.option_values import parse_ratio, seed_list
 from repaint_cli.errors import RenderError
 from repaint_cli.policies.spaces import Spaces
 from repaint_cli.runs.experiment import Experiment

@@ -130,13 +130,14 @@ def check_options(task: TaskCard, n_filmed: int | None, only_races: Mapping[str,
     """Check options that not every task knows.
 
     Raises:
-        UsageError: one asks for nothing, or for what only a race has.
+        UsageError: one asks for nothing.
+        CardError: one asks for what only a race has.
     """
     if n_filmed is not None and n_filmed < 1:
         raise UsageError(f"expected --video-episodes of at least 1, found {n_filmed}")
     for option, given in only_races.items():
         if given and task.env.simulator != "racer":
-            raise UsageError(
+            raise CardError(
                 f"expected {option} with a racing task, found '{task.name}'; leave it out"
             )
 
