@@ -1,8 +1,7 @@
 """The options of `repaint compare`."""
 
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 from repaint_cli.cli.option_rules import Condition, Rule
 from repaint_cli.cli.options import WRITE, AsJson, argument, option
@@ -23,8 +22,7 @@ WITHOUT_REPORT = Condition(
 )
 
 
-@dataclass(frozen=True)
-class CompareOptions:
+class CompareOptions(NamedTuple):
     """The options of `repaint compare`, in the order in which they are checked."""
 
     folders: Annotated[

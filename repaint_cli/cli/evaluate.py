@@ -1,8 +1,7 @@
 """`repaint eval`."""
 
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, NamedTuple
 
 from repaint_cli.cli.option_rules import Rule, parsed_into, settings_of
 from repaint_cli.cli.options import HOW, WRITE, Set, argument, option
@@ -10,8 +9,7 @@ from repaint_cli.cli.options import HOW, WRITE, Set, argument, option
 PLAYED = "What to play"
 
 
-@dataclass(frozen=True)
-class EvaluateOptions:
+class EvaluateOptions(NamedTuple):
     """The options of `repaint eval`, in the order of its help."""
 
     policy: Annotated[

@@ -1,20 +1,20 @@
 """The table of options: what typer does not know of an option, and what follows from it.
 
-A command's options are a dataclass, the table. A field is a row: the option's name, type, default,
+A command's options are a named tuple, the table. A field is a row: an option's name, type, default,
 and in its annotation typer's part (metavar, heading, sentence) and a `Rule`.
 """
 
-import dataclasses
 import functools
 import inspect
 from collections.abc import Callable, Collection, Iterator
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 from repaint_cli.errors import UsageError
 from repaint_cli.tasks.methods import ALGORITHMS, METHODS
 
 if TYPE_CHECKING:
+    import typer
+
     from repaint_cli.tasks.task import TaskCard
 
 Record = TypeVar("Record")
@@ -24,8 +24,7 @@ INSTANCE = frozenset(name for name, method in METHODS.items() if method.instance
 ALTERNATING = frozenset(name for name, method in METHODS.items() if method.alternates)
 
 
-@dataclass(frozen=True)
-class Condition:
+class Condition(NamedTuple):
     """What must hold where an option is given, of the other options or of the task's card."""
 
     holds: Callable[[Any], object]
@@ -42,8 +41,7 @@ class Condition:
             raise UsageError(self.otherwise.format(option=flag(name), other=other))
 
 
-@dataclass(frozen=True)
-class Rule:
+class Rule(NamedTuple):
     """What an option stands for, and where it may stand."""
 
     setting: str | Callable[[Any], list[str]] = ""
@@ -96,22 +94,22 @@ def parsed_into(
     return decorate
 
 
-def rows(options: Any) -> Iterator[tuple[dataclasses.Field[Any], Rule]]:
-    """Yield every option of a record with its rule."""
-    for field in dataclasses.fields(options):
-        parts = getattr(field.type, "__metadata__", ())
-        yield field, next((part for part in parts if isinstance(part, Rule)), Rule())
+def rules_of(options: NamedTuple) -> Iterator[tuple[str, Rule]]:
+    """Yield name and rule of every option of a command."""
+    for name, kind in type(options).__annotations__.items():
+        parts = getattr(kind, "__metadata__", ())
+        yield name, next((part for part in parts if isinstance(part, Rule)), Rule())
 
 
-def given(options: Any) -> Iterator[tuple[str, Rule, Any]]:
+def given(options: NamedTuple) -> Iterator[tuple[str, Rule, Any]]:
     """Yield name, rule and value of every option that differs from its default."""
-    for field, rule in rows(options):
-        value = getattr(options, field.name)
-        if value != field.default:
-            yield field.name, rule, value
+    for name, rule in rules_of(options):
+        value = getattr(options, name)
+        if value != options._field_defaults.get(name):
+            yield name, rule, value
 
 
-def settings_of(options: Any, algorithm: str = "ppo") -> list[str]:
+def settings_of(options: NamedTuple, algorithm: str = "ppo") -> list[str]:
     """Return what options set on the card, as `section.key=value`, in the order of the table.
 
     Raises:
@@ -121,7 +119,7 @@ def settings_of(options: Any, algorithm: str = "ppo") -> list[str]:
     return [text for _, rule, value in given(options) for text in rule.settings(value, algorithm)]
 
 
-def check_method(options: Any, method: str, algorithm: str) -> None:
+def check_method(options: NamedTuple, method: str, algorithm: str) -> None:
     """Check that a method and an algorithm use the options that are given.
 
     Raises:
@@ -136,7 +134,7 @@ def check_method(options: Any, method: str, algorithm: str) -> None:
             )
 
 
-def check_together(options: Any) -> None:
+def check_together(options: NamedTuple) -> None:
     """Check that no option is given that needs another one, or excludes it.
 
     Raises:
@@ -147,7 +145,7 @@ def check_together(options: Any) -> None:
             rule.beside.check(name, options)
 
 
-def check_card(options: Any, card: "TaskCard", algorithm: str) -> None:
+def check_card(options: NamedTuple, card: "TaskCard", algorithm: str) -> None:
     """Check that numbers given as options are not for what the card decides otherwise.
 
     Raises:
@@ -158,15 +156,13 @@ def check_card(options: Any, card: "TaskCard", algorithm: str) -> None:
             rule.card.check(name, card)
 
 
-def check_resume(options: Any) -> None:
+def check_resume(options: NamedTuple, context: "typer.Context") -> None:
     """Check that beside --resume only options stand that do not change what the run is.
 
     Raises:
         UsageError: another option is typed, be it with its default.
     """
-    for field, rule in rows(options):
-        source = options.context.get_parameter_source(field.name)
+    for name, rule in rules_of(options):
+        source = context.get_parameter_source(name)
         if source is not None and source.name == "COMMANDLINE" and not rule.resumable:
-            raise UsageError(
-                f"a run goes on as it began: leave out {flag(field.name)} beside --resume"
-            )
+            raise UsageError(f"a run goes on as it began: leave out {flag(name)} beside --resume")

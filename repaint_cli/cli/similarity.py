@@ -1,6 +1,5 @@
 """`repaint similarity`."""
 
-import json
 from typing import TYPE_CHECKING, Annotated
 
 from repaint_cli.cli.options import AsJson, argument
@@ -25,6 +24,8 @@ def similarity(
         repaint similarity
         repaint similarity racer-inner racer-outer
     """
+    import json
+
     from repaint_cli.tasks.card_files import shipped_tasks
     from repaint_cli.tasks.similarity import cosine, relation
 

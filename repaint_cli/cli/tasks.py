@@ -1,6 +1,5 @@
 """`repaint tasks list | show | copy | check | trust`."""
 
-import json
 import re
 import shlex
 from pathlib import Path
@@ -144,6 +143,8 @@ def _key(name: str) -> str:
 
 
 def _value(value: Any) -> str:
+    import json
+
     if isinstance(value, dict):
         return "{ " + ", ".join(f"{_key(k)} = {_value(v)}" for k, v in value.items()) + " }"
     if isinstance(value, tuple | list):

@@ -1,7 +1,6 @@
 """`repaint train-teacher`."""
 
-from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import typer
 
@@ -25,8 +24,7 @@ from repaint_cli.cli.options import (
 )
 
 
-@dataclass(frozen=True)
-class TrainTeacherOptions:
+class TrainTeacherOptions(NamedTuple):
     """The options of `repaint train-teacher`, in the order of its help."""
 
     context: typer.Context
@@ -64,7 +62,7 @@ def train_teacher(options: TrainTeacherOptions) -> None:
     from repaint_cli.tasks.card_files import read_task
 
     if options.resume:
-        check_resume(options)
+        check_resume(options, options.context)
         plan = plan_again(
             options.resume, options.iterations, options.name, options.replace, for_teacher=True
         )

@@ -33,7 +33,7 @@ def transfer(options: TransferOptions) -> None:
     from repaint_cli.tasks.card_files import read_task
 
     if options.resume:
-        check_resume(options)
+        check_resume(options, options.context)
         plan = plan_again(options.resume, options.iterations)
         return carry_out(plan, options.tensorboard, resume=True)
     algorithm = options.algorithm

@@ -1,7 +1,6 @@
 """The options of `repaint transfer`."""
 
-from dataclasses import dataclass, replace
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import typer
 
@@ -50,8 +49,7 @@ BETA_BY_HAND = Condition(
 )
 
 
-@dataclass(frozen=True)
-class TransferOptions:
+class TransferOptions(NamedTuple):
     """The options of `repaint transfer`, in the order of its help."""
 
     context: typer.Context
@@ -144,8 +142,7 @@ class TransferOptions:
         if not self.auto:
             return self
         last = self.transfer_iterations
-        return replace(
-            self,
+        return self._replace(
             ratio=self.ratio or "auto",
             beta=self.beta or "auto",
             threshold=self.threshold or "auto",

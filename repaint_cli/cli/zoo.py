@@ -1,6 +1,5 @@
 """`repaint zoo list | show | verify | export | remove`; `add` has a file of its own."""
 
-import json
 import shlex
 from pathlib import Path
 from typing import Annotated
@@ -76,6 +75,8 @@ def show(
         repaint zoo show racer-inner
         repaint zoo show racer-inner --markdown
     """
+    import json
+
     from repaint_cli.cli.console import plain
     from repaint_cli.zoo import model_card
     from repaint_cli.zoo.store import find
