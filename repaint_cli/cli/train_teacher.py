@@ -30,11 +30,11 @@ class TrainTeacherOptions(NamedTuple):
     context: typer.Context
     task: Task = None
     preset: Preset = None
-    set: Set = None
     iterations: Iterations = None
     seeds: Seeds = 1
     seed: Seed = 0
     eval_episodes: EvalEpisodes = None
+    set: Set = None  # behind all that sets something else: it has the last word
     resume: Resume = None
     name: Annotated[
         str | None,

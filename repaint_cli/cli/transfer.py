@@ -45,6 +45,7 @@ def transfer(options: TransferOptions) -> None:
     card = card.with_settings(settings_of(options, algorithm))
     check_card(options, card, algorithm)
     teachers = find_teachers(options.teacher, method)
+    acting = find_acting(options.instances_from, teachers)
     names = [algorithm] * (algorithm != "ppo") + [method, *(path.stem for path in teachers)]
     plan = Plan(
         card,
@@ -52,7 +53,7 @@ def transfer(options: TransferOptions) -> None:
         seed_list(options.seed, options.seeds),
         new_folder(options.run, card.name, "-".join(names)),
         teachers,
-        find_acting(options.instances_from, teachers),
+        acting,
         algorithm,
         keep=options.keep,
     )

@@ -122,7 +122,6 @@ class TransferOptions(NamedTuple):
         option(HOW, "NAME", "clipped (PPO), a2c, trpo or reinforce."),
         Rule(objective_settings, algorithms=("ppo",)),
     ] = None
-    set: Set = None
     iterations: Iterations = None
     transfer_iterations: Annotated[
         int | None,
@@ -132,6 +131,7 @@ class TransferOptions(NamedTuple):
     seeds: Seeds = 1
     seed: Seed = 0
     eval_episodes: EvalEpisodes = None
+    set: Set = None  # behind all that sets something else: it has the last word
     resume: Resume = None
     run: RunFolder = None
     keep: Keep = 1
