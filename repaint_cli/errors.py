@@ -1,8 +1,11 @@
 """What can go wrong, as a tree; the number is the exit code of the command line.
 
+A class without a number has that of the class above.
+
 ```
 RepaintError                1   anything the program can explain in a line
-├── NotFound                2   an unknown task, teacher, run, method or setting
+├── UsageError              2   an option is malformed, missing, or not for what it is given with
+│   └── NotFound                an unknown task, teacher, run, method or setting
 ├── CardError               3   a card, a setting or an environment says something it may not
 ├── TeacherMismatch         4   a teacher and a task do not fit
 ├── CheckpointError         5   a weights file is absent, damaged, or of another shape
@@ -28,10 +31,14 @@ class RepaintError(Exception):
     exit_code = 1
 
 
-class NotFound(RepaintError):
-    """An unknown task, teacher, run, method or setting."""
+class UsageError(RepaintError):
+    """An option is malformed, missing, or not for what it is given with."""
 
     exit_code = 2
+
+
+class NotFound(UsageError):
+    """An unknown task, teacher, run, method or setting."""
 
     @classmethod
     def named(cls, kind: str, name: str, known: Iterable[str], where: str) -> "NotFound":
@@ -81,8 +88,16 @@ class DivergedError(RepaintError):
 
 
 @contextmanager
-def telling_where(seeds: Sequence[int], moment: str) -> Iterator[None]:
-    """Say when something was not finite, and for which run seed."""
+def locate_divergence(seeds: Sequence[int], moment: str) -> Iterator[None]:
+    """Put before the text of a DivergedError when it was raised, and for which run seed.
+
+    Args:
+        seeds: the S run seeds that train side by side.
+        moment: when, such as "iteration 3".
+
+    Raises:
+        DivergedError: the block raises one.
+    """
     try:
         yield
     except DivergedError as error:

@@ -12,9 +12,13 @@ from rich.console import Console
 from small_runs import QUICK, QUICK_LAP, add_teacher, files_below, weights_of
 
 from repaint_cli import __version__
-from repaint_cli.cli import examine, screen
+from repaint_cli.cli import screen
 from repaint_cli.cli.app import app
-from repaint_cli.cli.options import parse_ratio, seed_list
+from repaint_cli.cli.compare_options import CompareOptions
+from repaint_cli.cli.evaluate import EvaluateOptions
+from repaint_cli.cli.option_values import parse_ratio, seed_list
+from repaint_cli.cli.train_teacher import TrainTeacherOptions
+from repaint_cli.cli.transfer_options import TransferOptions
 from repaint_cli.errors import RenderError
 from repaint_cli.policies.spaces import Spaces
 from repaint_cli.runs.experiment import Experiment
@@ -131,7 +135,7 @@ def test_eval_keeps_its_other_files_where_nothing_renders(repaint, home, monkeyp
     def fail(*_):
         raise RenderError("install libegl1")
 
-    monkeypatch.setattr(examine, "film", fail)
+    monkeypatch.setattr(GymnasiumSimulator, "film", fail)
     said = repaint("eval", "old-hand", "--render-offscreen", "--episodes", 2)
     assert (said.code, said.err) == (RenderError.exit_code, "error: install libegl1\n")
     assert "eval.json, eval-trajectories.png" in said.out
@@ -278,6 +282,17 @@ def test_options_reach_the_card_and_set_has_the_last_word(repaint, home):
     assert (transfer["representation"], transfer["instance"]) == (2, 3)
     assert (transfer["kickstart_coef"], transfer["kickstart_decay"]) == (0.4, 0.75)
     assert (transfer["iterations"], select["threshold"]) == (7, -0.25)
+
+
+@pytest.mark.parametrize(
+    "table", [TransferOptions, TrainTeacherOptions, EvaluateOptions, CompareOptions]
+)
+def test_set_stands_behind_every_option_that_sets_something(table):
+    names = list(table._fields)
+    after = names[names.index("set") + 1 :]
+    kinds = table.__annotations__
+    rules = [part for name in after for part in getattr(kinds[name], "__metadata__", ())]
+    assert not [rule for rule in rules if getattr(rule, "setting", "")]
 
 
 def test_ratio_and_seeds_are_read():

@@ -7,7 +7,7 @@ from foreign_policies import ACTIONS, PICTURE, VECTOR, task_of
 from gymnasium.spaces import Box, Discrete
 from torch import nn
 
-from repaint_cli.errors import CardError, CheckpointError, TeacherMismatch
+from repaint_cli.errors import CheckpointError, TeacherMismatch, UsageError
 from repaint_cli.policies.spaces import Spaces
 from repaint_cli.zoo.importers import cleanrl
 from repaint_cli.zoo.importers.imported import as_teacher
@@ -96,7 +96,7 @@ def test_the_script_for_discrete_actions(tmp_path, width):
 def test_the_script_for_continuous_actions_needs_the_statistics_of_its_wrapper(tmp_path):
     agent, task = Continuously(), task_of(VECTOR, ACTIONS["box"])
     path, stats = saved(tmp_path, agent), tmp_path / "stats.npz"
-    with pytest.raises(CardError, match=r"an \.npz of mean and var, or --vecnormalize none"):
+    with pytest.raises(UsageError, match=r"an \.npz of mean and var, or --vecnormalize none"):
         imported(path, task)
     mean, var = np.linspace(-2, 2, 5), np.geomspace(1e-4, 100, 5)
     np.savez(stats, mean=mean, var=var)
@@ -133,7 +133,9 @@ def test_what_does_not_fit_the_task_is_refused(tmp_path):
     with pytest.raises(TeacherMismatch, match="reads 5 numbers, the statistics are of 3"):
         imported(path, task_of(VECTOR, ACTIONS["box"]), str(stats))
     path = saved(tmp_path, Atari())
-    with pytest.raises(CardError, match="no statistics of images, found some: --vecnormalize none"):
+    with pytest.raises(
+        UsageError, match="no statistics of images, found some: --vecnormalize none"
+    ):
         imported(path, task_of(ATARI, Discrete(4)), str(stats))
 
 

@@ -10,7 +10,7 @@ from stable_baselines3.common.policies import ActorCriticPolicy
 from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
 from torch import nn
 
-from repaint_cli.errors import CardError, CheckpointError, TeacherMismatch
+from repaint_cli.errors import CheckpointError, TeacherMismatch, UsageError
 from repaint_cli.zoo import store
 from repaint_cli.zoo.importers import sb3
 from repaint_cli.zoo.importers.imported import as_teacher
@@ -134,7 +134,7 @@ def test_a_model_that_saw_normalised_observations_is_not_read_without_their_stat
     source.set_env(normalised(source.get_env()))
     source.learn(16)
     path, task = saved(tmp_path, source), task_of(VECTOR, ACTIONS["box"])
-    with pytest.raises(CardError, match=r"saw normalised observations.*--vecnormalize none"):
+    with pytest.raises(UsageError, match=r"saw normalised observations.*--vecnormalize none"):
         imported(path, task)
     network, _ = imported(path, task, "none")
     assert_same_policy(source, network, vectors() / 100, vectors() / 100)

@@ -1,6 +1,7 @@
 """The manual is a test: every command is shown and explained, and what is shown can be typed."""
 
 import csv
+import io
 import re
 import shlex
 from pathlib import Path
@@ -56,8 +57,8 @@ def test_every_option_is_explained_in_a_sentence(command):
         assert (parameter.help or "").endswith((".", "…")), f"{command} {parameter.name}"
 
 
-@pytest.mark.parametrize("call", SHOWN)
-def test_what_is_shown_can_be_typed(call):
+def type_in(call):
+    """Parse a call as far as it can be without running it."""
     words = shlex.split(call, comments=True)
     command = next((c for n in (3, 2) if (c := COMMANDS.get(" ".join(words[:n])))), None)
     if command is None:
@@ -65,6 +66,45 @@ def test_what_is_shown_can_be_typed(call):
     else:
         rest = words[len(next(name for name in COMMANDS if COMMANDS[name] is command).split()) :]
         command.make_context(call, rest, resilient_parsing="--help" in rest)
+
+
+@pytest.mark.parametrize("call", SHOWN)
+def test_what_is_shown_can_be_typed(call):
+    type_in(call)
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_option_has_a_heading_and_a_metavar(command):
+    for parameter in COMMANDS[command].params:
+        assert parameter.rich_help_panel, parameter.name
+        assert getattr(parameter, "is_flag", False) or re.fullmatch(
+            r"[^<>]+", parameter.metavar or ""
+        ), parameter.name
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_help_ends_in_two_examples_that_can_be_typed(command):
+    examples = [line.strip() for line in COMMANDS[command].epilog.splitlines()]
+    assert len(set(examples)) == 2
+    for example in examples:
+        assert f"{example} ".startswith(f"{command} ")
+        assert len(example) <= 78
+        type_in(example.partition(" | ")[0])
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "ascii"])
+@pytest.mark.parametrize("command", COMMANDS)
+def test_help_is_a_page_that_a_terminal_can_show(monkeypatch, command, encoding):
+    monkeypatch.setenv("COLUMNS", "80")
+    monkeypatch.setattr("sys.stdout", io.TextIOWrapper(io.BytesIO(), encoding=encoding))
+    page_of = dict(commands(typer.main.get_command(app)))[command]
+    page = page_of.get_help(typer.Context(page_of, info_name=command))
+    page.encode(encoding)
+    assert max(map(len, page.splitlines())) <= 80
+    headings = re.findall(r"^(\S.*):$", page, re.MULTILINE)
+    assert headings[-1] == "Examples"
+    assert len(set(headings)) == len(headings) > 1
+    assert "<" not in page
 
 
 def test_the_manual_speaks_of_every_exit_code():

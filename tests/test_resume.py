@@ -9,7 +9,7 @@ import pytest
 from small_runs import QUICK, add_teacher, files_below
 from test_runs import SCRATCH, record_of, stopped_by
 
-from repaint_cli.errors import CardError, CheckpointError, NotFound, StoreError, TeacherMismatch
+from repaint_cli.errors import CheckpointError, NotFound, StoreError, TeacherMismatch, UsageError
 from repaint_cli.files.atomic import alone_in, sha256
 from repaint_cli.policies import weights
 from repaint_cli.policies.weights import load
@@ -130,12 +130,13 @@ def test_a_teacher_that_was_all_but_done(repaint, home, monkeypatch):
 @pytest.mark.parametrize(
     ("words", "error", "text"),
     [
-        (["transfer", "--resume", "run", "--beta", "3"], CardError, "leave out --beta beside"),
-        (["transfer", "--resume", "run", "--task", "ant"], CardError, "leave out --task beside"),
+        (["transfer", "--resume", "run", "--beta", "3"], UsageError, "leave out --beta beside"),
+        (["transfer", "--resume", "run", "--task", "ant"], UsageError, "leave out --task beside"),
         (["transfer", "--resume", "no"], NotFound, "expected a run's folder with run.json"),
-        (["transfer", "--resume", "run", "--iterations", 1], CardError, "of at least 2, which run"),
-        (["train-teacher", "--resume", "run"], CardError, "with: repaint transfer --resume run"),
-        (["transfer"], CardError, "expected --task NAME (repaint tasks list), or --resume RUN"),
+        (["transfer", "--resume", "run", "--iterations", 1], UsageError,
+         "of at least 2, which run"),
+        (["train-teacher", "--resume", "run"], UsageError, "with: repaint transfer --resume run"),
+        (["transfer"], UsageError, "expected --task NAME (repaint tasks list), or --resume RUN"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_resumed_so(repaint, home, words, error, text):

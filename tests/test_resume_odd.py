@@ -9,7 +9,7 @@ from small_runs import QUICK, QUICK_LAP, add_teacher, files_below
 from test_resume import assert_same, rewritten
 from test_runs import SCRATCH, record_of
 
-from repaint_cli.errors import CardError, CheckpointError, StoreError
+from repaint_cli.errors import CardError, CheckpointError, StoreError, UsageError
 from repaint_cli.files.atomic import alone_in
 from repaint_cli.paths import shipped
 from repaint_cli.policies.weights import load, save
@@ -170,7 +170,7 @@ def test_files_that_are_not_the_run_s_are_left_alone(repaint, home):
 def test_the_option_to_leave_out_is_named_as_it_is_typed(repaint, home):
     repaint(*SCRATCH)
     said = repaint("transfer", "--resume", "run", "--set", "ppo.gamma=0.9")
-    assert said.code == CardError.exit_code
+    assert said.code == UsageError.exit_code
     assert "leave out --set beside --resume" in said.err
 
 

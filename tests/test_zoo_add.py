@@ -7,6 +7,7 @@ import numpy as np
 import torch
 from small_runs import QUICK, add_teacher, files_below, weights_of
 
+from repaint_cli.errors import UsageError
 from repaint_cli.paths import PACKAGE
 from repaint_cli.zoo import store
 from repaint_cli.zoo.teacher_card import read_card
@@ -49,9 +50,25 @@ def test_a_name_is_taken_once(repaint, home):
 def test_options_that_do_not_go_together_and_files_that_are_not_there(repaint, home):
     path = add_teacher(home / "elsewhere", "old-hand")
     beside = "expected --from sb3 or cleanrl beside --{}, found none"
-    refused(repaint, 3, beside.format("task"), "a", path, "--task", "reacher")
-    refused(repaint, 3, beside.format("vecnormalize"), "a", path, "--vecnormalize", "none")
-    refused(repaint, 3, "expected the --task that .* was trained on", "a", path, "--from", "sb3")
+    refused(repaint, UsageError.exit_code, beside.format("task"), "a", path, "--task", "reacher")
+    refused(
+        repaint,
+        UsageError.exit_code,
+        beside.format("vecnormalize"),
+        "a",
+        path,
+        "--vecnormalize",
+        "none",
+    )
+    refused(
+        repaint,
+        UsageError.exit_code,
+        "expected the --task that .* was trained on",
+        "a",
+        path,
+        "--from",
+        "sb3",
+    )
     task = ["--task", "reacher"]
     message = r"unknown source 'sb'; did you mean sb3\? see: repaint zoo add --help"
     refused(repaint, 2, message, "a", path, "--from", "sb", *task)
@@ -73,7 +90,7 @@ def test_a_policy_trained_elsewhere_is_added_verified_and_taught_by(repaint, hom
     model.save("model.zip")
     venv.save("vec.pkl")
     command = ["zoo", "add", "guest", "model.zip", "--from", "sb3", "--task", "reacher"]
-    refused(repaint, 3, "saw normalised observations", *command[2:])
+    refused(repaint, UsageError.exit_code, "saw normalised observations", *command[2:])
     said = repaint(*command, "--vecnormalize", "vec.pkl")
     assert said.code == 0, said.err
     assert re.search(r"score on reacher: -\d+\.?\d* \[-.*\] over 100 episodes", said.out)

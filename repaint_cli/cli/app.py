@@ -13,6 +13,7 @@ from typer.exceptions import Abort, TyperException
 from repaint_cli import __version__
 from repaint_cli.cli.compare import compare
 from repaint_cli.cli.evaluate import evaluate
+from repaint_cli.cli.help_page import HelpPage
 from repaint_cli.cli.similarity import similarity
 from repaint_cli.cli.tasks import tasks
 from repaint_cli.cli.train_teacher import train_teacher
@@ -26,11 +27,11 @@ app = typer.Typer(
     rich_markup_mode=None,  # its boxes take longer to import than everything else
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-app.command("train-teacher")(train_teacher)
-app.command("transfer")(transfer)
-app.command("eval")(evaluate)
-app.command("similarity")(similarity)
-app.command("compare")(compare)
+app.command("train-teacher", cls=HelpPage)(train_teacher)
+app.command("transfer", cls=HelpPage)(transfer)
+app.command("eval", cls=HelpPage)(evaluate)
+app.command("similarity", cls=HelpPage)(similarity)
+app.command("compare", cls=HelpPage)(compare)
 app.add_typer(tasks, name="tasks")
 app.add_typer(zoo, name="zoo")
 

@@ -1,87 +1,44 @@
 """`repaint compare`."""
 
 from pathlib import Path
-from typing import Annotated
 
-import typer
-
-from repaint_cli.cli import options
-
-METHODS = "scratch,kickstart,instance,repaint"
-"""What is trained where --methods does not say: the paper's table 1."""
+from repaint_cli.cli.compare_options import METHODS, CompareOptions
+from repaint_cli.cli.option_rules import check_together, parsed_into, settings_of
+from repaint_cli.cli.option_values import parse_methods, parse_target, seed_list
 
 
-def compare(
-    folders: Annotated[
-        list[Path] | None,
-        typer.Argument(help="Runs' folders; without --trajectories all on one task."),
-    ] = None,
-    target: Annotated[
-        str, typer.Option(help="The score to reach; auto: the reference's best mean.")
-    ] = "auto",
-    reference: Annotated[
-        str | None,
-        typer.Option(help="The run or method that others are compared with; default: scratch."),
-    ] = None,
-    task: Annotated[
-        str | None, typer.Option(help="Train --methods on this task first, then compare them.")
-    ] = None,
-    teacher: Annotated[
-        list[str] | None, typer.Option(help="With --task: a teacher; again for several.")
-    ] = None,
-    methods: Annotated[
-        str | None,
-        typer.Option(help=f"With --task: which, with commas between; default: {METHODS}."),
-    ] = None,
-    seeds: Annotated[
-        int | None, typer.Option(help="With --task: how many seeds each; default: 3.")
-    ] = None,
-    seed: Annotated[
-        int | None, typer.Option(help="With --task: the first seed; default: 0.")
-    ] = None,
-    iterations: options.Iterations = None,
-    jobs: Annotated[
-        int | None, typer.Option(help="With --task: how many runs at a time; default: 1.")
-    ] = None,
-    settings: options.Set = None,
-    output: Annotated[Path | None, typer.Option(help="The picture; default: compare.png.")] = None,
-    report: Annotated[
-        Path | None,
-        typer.Option(help="A folder for figures, tables and a page that explains them."),
-    ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
-    trajectories: Annotated[
-        bool,
-        typer.Option(
-            "--trajectories",
-            help="Play the runs' last policies instead, 20 episodes each, and draw their paths; "
-            "races may be of several tasks on one track.",
-        ),
-    ] = False,
-) -> None:
-    """Compare runs on one task, or train several methods and compare them.
+@parsed_into(CompareOptions)
+def compare(options: CompareOptions) -> None:
+    """Compare runs of a task, or train them first.
 
-    By iterations, steps and time to a target, and by return: with intervals over seeds.
+    By return, and by the iterations, steps and time to a target score, with intervals over seeds.
+
+    Examples:
+        repaint compare runs/reacher/* --report report
+        repaint compare --task reacher --teacher reacher-gentle --jobs 2
     """
     from repaint_cli.cli import contest, side_by_side
+    from repaint_cli.tasks.card_files import read_task
 
-    named, goal = list(folders or []), side_by_side.target_of(target)
-    if not task:
-        options.refuse(
-            "--task", teacher=teacher, methods=methods, seeds=seeds, seed=seed,
-            iterations=iterations, jobs=jobs, set=settings,
-        )  # fmt: skip
-    if trajectories:
-        options.refuse("figures of returns", target=goal, reference=reference, report=report)
-    if report:
-        options.refuse("a single picture, in place of --report", output=output)
-    if task:
-        chosen = METHODS if methods is None else methods
-        side_by_side.check_reference(reference, named, chosen)
-        runs = options.seed_list(seed or 0, 3 if seeds is None else seeds)
-        named += contest.train_all(
-            task, chosen, teacher, runs, iterations, settings, 1 if jobs is None else jobs
-        )
-    if trajectories:
-        return side_by_side.play(named, output or Path("compare-trajectories.png"), as_json)
-    return side_by_side.compare(named, reference or "scratch", goal, output, report, as_json)
+    target = parse_target(options.target)
+    check_together(options)
+    folders = list(options.folders or [])
+    if options.task:
+        methods = METHODS if options.methods is None else options.methods
+        side_by_side.check_reference(options.reference, folders, methods)
+        seeds = seed_list(options.seed or 0, 3 if options.seeds is None else options.seeds)
+        jobs = 1 if options.jobs is None else options.jobs
+        names = parse_methods(methods, jobs)
+        card = read_task(options.task).with_settings(settings_of(options))
+        folders += contest.train_all(card, names, options.teacher, seeds, jobs)
+    if options.trajectories:
+        picture = options.output or Path("compare-trajectories.png")
+        return side_by_side.play(folders, picture, options.json)
+    return side_by_side.compare(
+        folders,
+        options.reference or "scratch",
+        target,
+        options.output,
+        options.report,
+        options.json,
+    )

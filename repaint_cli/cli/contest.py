@@ -7,9 +7,9 @@ from pathlib import Path
 import joblib
 from rich.console import Console
 
-from repaint_cli.cli.options import customize, method_for
+from repaint_cli.cli.option_values import method_for
 from repaint_cli.cli.session import find_teachers, new_folder
-from repaint_cli.errors import CardError, RepaintError
+from repaint_cli.errors import RepaintError
 from repaint_cli.learn.evaluation import spaces_of
 from repaint_cli.runs.experiment import Experiment
 from repaint_cli.runs.figures import draw_run
@@ -17,16 +17,14 @@ from repaint_cli.runs.measuring import check_episodes
 from repaint_cli.runs.plan import Plan
 from repaint_cli.runs.reader import read_run
 from repaint_cli.runs.teachers import load_staff
-from repaint_cli.tasks.card_files import read_task
+from repaint_cli.tasks.card import TaskCard
 
 
 def train_all(
-    task: str,
-    methods: str,
+    card: TaskCard,
+    methods: Sequence[str],
     teachers: Sequence[str] | None,
     seeds: list[int],
-    iterations: int | None,
-    settings: list[str] | None,
     jobs: int,
 ) -> list[Path]:
     """Train every method, as many at a time as there are jobs; return the runs' folders.
@@ -34,26 +32,18 @@ def train_all(
     Several jobs share the cores evenly, so that processes do not fight for them.
 
     Raises:
-        NotFound: there is no such task, method or teacher.
-        CardError: no method was named, one twice, or there is no job.
+        NotFound: there is no such method or teacher.
         TeacherMismatch: a teacher does not fit the task.
     """
-    names = [name for name in methods.split(",") if name]
-    if not names or len(set(names)) < len(names) or jobs < 1:
-        raise CardError(
-            "expected --methods such as scratch,kickstart,repaint, each once, and --jobs of at "
-            f"least 1, found '{methods}' and {jobs}"
-        )
-    card = customize(read_task(task), settings, ppo__n_iterations=iterations)
     root = new_folder(None, card.name, "compare")
     plans = []
-    for name in names:
-        found = find_teachers(teachers, method_for("ppo", name))
-        plans.append(Plan(card, name, seeds, root / name, found))
+    for name in methods:
+        files = find_teachers(teachers, method_for("ppo", name))
+        plans.append(Plan(card, name, seeds, root / name, files))
         target = plans[-1].target  # better now than after the first method's hours
         target.check_rollout()
         check_episodes(target)
-        load_staff(found, None, target, spaces_of(card), 1)
+        load_staff(files, None, target, spaces_of(card), 1)
     screen = Console(stderr=True, soft_wrap=True, highlight=False)
     for done, folder in enumerate(_trained(plans, jobs), 1):
         screen.print(f"{done} of {len(plans)}: wrote [bold]{folder}/[/bold]")

@@ -1,50 +1,92 @@
 """`repaint eval`."""
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, NamedTuple
 
-import typer
+from repaint_cli.cli.option_rules import Rule, parsed_into, settings_of
+from repaint_cli.cli.options import HOW, WRITE, Set, argument, option
 
-from repaint_cli.cli import options
+PLAYED = "What to play"
 
 
-def evaluate(
-    what: Annotated[
+class EvaluateOptions(NamedTuple):
+    """The options of `repaint eval`, in the order of its help."""
+
+    policy: Annotated[
         str | None,
-        typer.Argument(help="A run's folder, a teacher, or its file; none: the newest run."),
-    ] = None,
+        argument(
+            "POLICY", "A run's folder, a teacher or its file. Default: the newest run.", PLAYED
+        ),
+    ] = None
     task: Annotated[
-        str | None, typer.Option(help="Play this task instead of the one it was trained on.")
-    ] = None,
-    episodes: options.EvalEpisodes = None,
+        str | None,
+        option(PLAYED, "TASK", "Play this task instead of the one that it was trained on."),
+    ] = None
+    episodes: Annotated[
+        int | None,
+        option(HOW, "INT", "How many episodes to play. Default: the card's."),
+        Rule("eval.episodes"),
+    ] = None
+    seed: Annotated[
+        int | None, option(HOW, "INT", "The seed of the episodes. Default: the policy's own.")
+    ] = None
     noise: Annotated[
         str | None,
-        typer.Option(help="Small noise on what it sees and does: none or paper; racer only."),
-    ] = None,
+        option(
+            HOW,
+            "NAME",
+            "Noise on what the car sees and does: none or paper. Only for racing tasks.",
+        ),
+        Rule("eval.noise"),
+    ] = None
+    set: Set = None
     render_offscreen: Annotated[
-        bool, typer.Option("--render-offscreen", help="Film the first episodes, without a screen.")
-    ] = False,
-    video_episodes: Annotated[int | None, typer.Option(help="How many episodes to film.")] = None,
+        bool,
+        option(WRITE, None, "Film the first episodes; this needs no screen.", "--render-offscreen"),
+    ] = False
+    video_episodes: Annotated[
+        int | None, option(WRITE, "INT", "How many episodes to film. Default: 5, or 1 of a race.")
+    ] = None
     simtrace: Annotated[
         Path | None,
-        typer.Option(help="Also log every step in DeepRacer's layout, in this folder; racer only."),
-    ] = None,
+        option(
+            WRITE,
+            "FOLDER",
+            "Also log every step in DeepRacer's layout in this folder. Only for racing tasks.",
+        ),
+    ] = None
     colour: Annotated[
         Literal["speed", "reward"] | None,
-        typer.Option(help="What colours the laps that are drawn; default: speed."),
-    ] = None,
-    settings: options.Set = None,
-    seed: Annotated[
-        int | None, typer.Option(help="Of the episodes; default: the policy's own.")
-    ] = None,
-) -> None:
+        option(
+            WRITE,
+            "NAME",
+            "Colour the laps by speed or reward. Default: speed. Only for racing tasks.",
+        ),
+    ] = None
+
+
+@parsed_into(EvaluateOptions)
+def evaluate(options: EvaluateOptions) -> None:
     """Play a policy, say how it did, draw it, film it.
 
     It takes its most likely actions.
+
+    Examples:
+        repaint eval --render-offscreen
+        repaint eval racer-inner --task racer-outer --episodes 20
     """
     from repaint_cli.cli.examine import adjusted, check_options, examine, subject
 
-    chosen = subject(what, task, Path("runs"))
-    chosen = adjusted(chosen, settings, episodes, noise)
-    check_options(chosen.task, video_episodes, noise, simtrace, colour)
-    examine(chosen, seed, video_episodes, render_offscreen, simtrace, colour or "")
+    policies = subject(options.policy, options.task, Path("runs"))
+    policies = adjusted(policies, settings_of(options), options.set)
+    check_options(
+        policies.task, options.video_episodes, options.noise, options.simtrace, options.colour
+    )
+    examine(
+        policies,
+        options.seed,
+        options.video_episodes,
+        options.render_offscreen,
+        options.simtrace,
+        options.colour or "",
+    )

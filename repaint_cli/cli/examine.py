@@ -6,11 +6,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from repaint_cli.cli.episode_table import table
-from repaint_cli.cli.options import customize, seed_list
+from repaint_cli.cli.option_values import seed_list
 from repaint_cli.cli.screen import out
 from repaint_cli.cli.session import say_written
 from repaint_cli.envs.episodes import Episodes
-from repaint_cli.errors import CardError, RenderError, TeacherMismatch
+from repaint_cli.errors import CardError, RenderError, TeacherMismatch, UsageError
 from repaint_cli.files.atomic import check_writable, write_text
 from repaint_cli.learn.evaluation import evaluate, spaces_of
 from repaint_cli.learn.seeding import Purpose
@@ -97,16 +97,19 @@ def policies(run: Run) -> ActorCritic:
     return network
 
 
-def adjusted(
-    who: Subject, settings: list[str] | None, n_episodes: int | None, noise: str | None
-) -> Subject:
+def adjusted(who: Subject, changes: list[str], settings: list[str] | None) -> Subject:
     """Return the policies with the settings of their task that the options ask for.
+
+    Args:
+        who: the policies.
+        changes: all settings, as `section.key=value`.
+        settings: those of --set among them, which make it an evaluation of its own.
 
     Raises:
         CardError: a setting is out of range.
         TeacherMismatch: the policies do not fit the task any more.
     """
-    task = customize(who.task, settings, eval__episodes=n_episodes, eval__noise=noise)
+    task = who.task.with_settings(changes)
     if settings and spaces_of(task) != who.network.spaces:
         raise TeacherMismatch(
             f"the policies have {who.network.spaces}, the task so set has {spaces_of(task)}"
@@ -127,10 +130,11 @@ def check_options(
     """Check options that not every simulator knows.
 
     Raises:
-        CardError: an option asks for nothing, or for what the task's simulator has not.
+        UsageError: an option asks for nothing.
+        CardError: an option asks for what the task's simulator has not.
     """
     if n_filmed is not None and n_filmed < 1:
-        raise CardError(f"expected --video-episodes of at least 1, found {n_filmed}")
+        raise UsageError(f"expected --video-episodes of at least 1, found {n_filmed}")
     env = task.env
     known = {
         "--noise": not noise or env.has_noise,

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from repaint_cli.cli.console import literal
 from repaint_cli.cli.screen import Screen, out
-from repaint_cli.errors import CardError, NotFound, StoreError, Terminated
+from repaint_cli.errors import NotFound, StoreError, Terminated, UsageError
 from repaint_cli.files.atomic import check_writable
 from repaint_cli.paths import user_zoo
 from repaint_cli.provenance import stamp
@@ -58,14 +58,14 @@ def find_teachers(names: Sequence[str] | None, method: str) -> tuple[Path, ...]:
 
     Raises:
         NotFound: there is no such teacher, or none was named for a method that needs one.
-        CardError: there are several, and the method starts from one.
+        UsageError: there are several, and the method starts from one.
     """
     if not METHODS[method].needs_teacher:
         return ()
     if not names:
         raise NotFound(f"method '{method}' needs a teacher: --teacher NAME (repaint zoo list)")
     if METHODS[method].warm_start and len(names) > 1:
-        raise CardError(f"expected one --teacher to warm-start from, found {len(names)}")
+        raise UsageError(f"expected one --teacher to warm-start from, found {len(names)}")
     return tuple(store.find(name) for name in names)
 
 
@@ -73,7 +73,7 @@ def find_acting(names: Sequence[str] | None, teachers: Sequence[Path]) -> tuple[
     """Return the files of those teachers whose own samples are used, or None for all of them.
 
     Raises:
-        CardError: one of them is none of the run's teachers.
+        UsageError: one of them is none of the run's teachers.
     """
     if not names:
         return None
@@ -81,7 +81,7 @@ def find_acting(names: Sequence[str] | None, teachers: Sequence[Path]) -> tuple[
     for name, path in zip(names, acting, strict=True):
         if path not in teachers:
             known = ", ".join(teacher.stem for teacher in teachers)
-            raise CardError(f"expected --instances-from one of {known}, found '{name}'")
+            raise UsageError(f"expected --instances-from one of {known}, found '{name}'")
     return acting
 
 
@@ -106,17 +106,17 @@ def plan_again(
         NotFound: there is no such run, or its teacher is gone.
         CheckpointError: its files are damaged or of another version.
         TeacherMismatch: its teacher is another one now.
-        CardError: it is a run of the other command, or has more iterations already.
+        UsageError: it is a run of the other command, or has more iterations already.
         StoreError: the teacher's name is taken.
     """
     run = read_run(folder)
     plan = plan_of(run.record, run.task, folder)
     if (plan.teacher_name is not None) != for_teacher:
-        raise CardError(f"{folder} was begun otherwise; go on with: {resuming(plan)}")
+        raise UsageError(f"{folder} was begun otherwise; go on with: {resuming(plan)}")
     done = run.returns.shape[1]
     if iterations is not None:
         if iterations < done:
-            raise CardError(
+            raise UsageError(
                 f"expected --iterations of at least {done}, which {folder} has, found {iterations}"
             )
         plan = plan.for_iterations(iterations)

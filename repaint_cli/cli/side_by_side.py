@@ -9,7 +9,7 @@ from repaint_cli.cli.episode_table import table
 from repaint_cli.cli.examine import policies
 from repaint_cli.cli.screen import out
 from repaint_cli.cli.session import say_written
-from repaint_cli.errors import CardError
+from repaint_cli.errors import CardError, UsageError
 from repaint_cli.learn.evaluation import evaluate
 from repaint_cli.learn.seeding import Purpose
 from repaint_cli.runs import comparison
@@ -87,27 +87,14 @@ def check_reference(reference: str | None, folders: Sequence[Path], methods: str
 
     Raises:
         NotFound: there is no such folder.
-        CardError: there will be none, or the folders hold no runs of one task.
+        UsageError: there will be none.
+        CardError: the folders hold no runs of one task.
     """
     runs = read_runs(folders) if folders else {}
     if reference is None or reference in methods.split(","):
         return
     if not runs or reference_of(runs, reference) is None:
-        raise CardError(f"expected --reference among what is compared, found '{reference}'")
-
-
-def target_of(target: str) -> float | None:
-    """Read --target: a number, or None for auto.
-
-    Raises:
-        CardError: it is something else.
-    """
-    if target == "auto":
-        return None
-    try:
-        return float(target)
-    except ValueError as error:
-        raise CardError(f"expected --target as a number or auto, found '{target}'") from error
+        raise UsageError(f"expected --reference among what is compared, found '{reference}'")
 
 
 def play(folders: Sequence[Path], picture: Path, as_json: bool) -> None:

@@ -1,9 +1,8 @@
 """`repaint similarity`."""
 
-import json
 from typing import TYPE_CHECKING, Annotated
 
-import typer
+from repaint_cli.cli.options import AsJson, argument
 
 if TYPE_CHECKING:
     from repaint_cli.tasks.card import TaskCard
@@ -12,15 +11,21 @@ if TYPE_CHECKING:
 def similarity(
     names: Annotated[
         list[str] | None,
-        typer.Argument(help="Tasks, cards or teachers; none means all shipped tasks."),
+        argument("TASK", "Tasks, cards' files or teachers. Default: all shipped tasks."),
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Compare tasks by the cosine of their reward weights.
 
-    And say what one's teacher is to another. The relation is directed: a row's task as the teacher,
-    a column's as the target.
+    And say what a teacher of one is to another: a row's task is the teacher's, a column's is the
+    target.
+
+    Examples:
+        repaint similarity
+        repaint similarity racer-inner racer-outer
     """
+    import json
+
     from repaint_cli.tasks.card_files import shipped_tasks
     from repaint_cli.tasks.similarity import cosine, relation
 
@@ -66,13 +71,13 @@ def _card(name: str) -> "TaskCard":
 
 
 def _with_weights(card: "TaskCard", quiet: bool) -> "TaskCard":
-    """Return the card with weights in place of its reward function, fitted; say which."""
+    """Return the card with fitted weights in place of its reward function; print them."""
     from repaint_cli.tasks.reward_fit import fit, weighed
 
-    found = fit(card)
+    fitted = fit(card)
     if not quiet:
-        print(f"{card.name} weighs {found}")
-    return weighed(card, found)
+        print(f"{card.name} weighs {fitted}")
+    return weighed(card, fitted)
 
 
 def _print_matrix(cards: "list[TaskCard]") -> None:

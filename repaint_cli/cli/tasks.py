@@ -1,6 +1,5 @@
 """`repaint tasks list | show | copy | check | trust`."""
 
-import json
 import re
 import shlex
 from pathlib import Path
@@ -8,16 +7,24 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from repaint_cli.cli.help_page import HelpPage
+from repaint_cli.cli.options import Yes, argument
+
 if TYPE_CHECKING:
     from repaint_cli.tasks.card import TaskCard
 
 tasks = typer.Typer(no_args_is_help=True, help="List, show, copy, check task cards; trust a run.")
-Name = Annotated[str, typer.Argument(help="A task's name, or a card of your own.")]
+Name = Annotated[str, argument("TASK", "A task's name, or the file of a card of your own.")]
 
 
-@tasks.command("list")
+@tasks.command("list", cls=HelpPage)
 def list_tasks() -> None:
-    """List the shipped tasks."""
+    """List the shipped tasks.
+
+    Examples:
+        repaint tasks list
+        repaint tasks list | grep racer
+    """
     from repaint_cli.tasks.card_files import read_task, shipped_tasks
 
     width = max(len(name) for name in shipped_tasks())
@@ -25,9 +32,14 @@ def list_tasks() -> None:
         print(f"{name:{width}}  {read_task(name).summary}")
 
 
-@tasks.command()
+@tasks.command(cls=HelpPage)
 def show(name: Name) -> None:
-    """Show a task's settings, all of them, with what each means."""
+    """Show a task's settings, all of them, with what each means.
+
+    Examples:
+        repaint tasks show reacher
+        repaint tasks show my-task.toml
+    """
     from rich.console import Console
 
     from repaint_cli.cli.console import literal
@@ -46,11 +58,16 @@ def show(name: Name) -> None:
                 out.print(f"    [dim]{literal(meaning[key])}[/dim]", highlight=False)
 
 
-@tasks.command()
+@tasks.command(cls=HelpPage)
 def copy(
-    name: Name, file: Annotated[Path, typer.Argument(help="The new card, such as my-task.toml.")]
+    name: Name, file: Annotated[Path, argument("FILE", "The new card, such as my-task.toml.")]
 ) -> None:
-    """Copy a task's card, whole, to a file of your own to edit."""
+    """Copy a task's card, whole, to a file of your own to edit.
+
+    Examples:
+        repaint tasks copy reacher my-task.toml
+        repaint tasks copy racer-outer my-race.toml
+    """
     from repaint_cli.errors import StoreError
     from repaint_cli.files.atomic import write_text
     from repaint_cli.tasks.card_files import read_task
@@ -64,15 +81,19 @@ def copy(
     print(f"wrote {file}\nnext: repaint train-teacher --task {shlex.quote(str(file))}")
 
 
-@tasks.command()
+@tasks.command(cls=HelpPage)
 def check(
     name: Annotated[
-        str, typer.Argument(help="A task's name, a card, or a file of waypoints (.npy).")
+        str, argument("TASK", "A task's name, a card's file, or a file of waypoints (.npy).")
     ],
 ) -> None:
     """Check a card, or check and draw a track.
 
     A card is tried by one random step in its environment.
+
+    Examples:
+        repaint tasks check my-task.toml
+        repaint tasks check my-track.npy
     """
     from repaint_cli.cli.console import plain
     from repaint_cli.envs.registry import simulator_classes
@@ -107,6 +128,8 @@ def _key(name: str) -> str:
 
 
 def _value(value: Any) -> str:
+    import json
+
     if isinstance(value, dict):
         return "{ " + ", ".join(f"{_key(k)} = {_value(v)}" for k, v in value.items()) + " }"
     if isinstance(value, tuple | list):
@@ -114,14 +137,18 @@ def _value(value: Any) -> str:
     return json.dumps(value, ensure_ascii=False)  # JSON's words, numbers and texts are TOML's too
 
 
-@tasks.command()
+@tasks.command(cls=HelpPage)
 def trust(
-    run: Annotated[Path, typer.Argument(help="A run's folder, from somebody else.")],
-    yes: Annotated[bool, typer.Option("--yes", help="Do not ask.")] = False,
+    run: Annotated[Path, argument("RUN", "The folder of a run by somebody else.")],
+    yes: Yes = False,
 ) -> None:
     """Let a run by somebody else run its code here.
 
     That is a reward function, or a module that its environment is in; it is shown first.
+
+    Examples:
+        repaint tasks trust downloaded-run
+        repaint tasks trust downloaded-run --yes
     """
     from repaint_cli.cli.console import agreed, plain
     from repaint_cli.runs.reader import read_run

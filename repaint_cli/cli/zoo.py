@@ -1,36 +1,44 @@
 """`repaint zoo list | show | verify | export | remove`; `add` has a file of its own."""
 
-import json
 import shlex
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from repaint_cli.cli.help_page import OPTIONS, HelpPage
+from repaint_cli.cli.options import Yes, argument, option
 from repaint_cli.cli.zoo_add import add
 from repaint_cli.errors import CardError, CheckpointError
 from repaint_cli.paths import user_zoo
 
 zoo = typer.Typer(no_args_is_help=True, help="List, show, check, add, export, remove teachers.")
-zoo.command("add")(add)
-Name = Annotated[str, typer.Argument(help="A teacher's name or file.")]
+zoo.command("add", cls=HelpPage)(add)
+Name = Annotated[str, argument("TEACHER", "A teacher's name or file.")]
 
 
-@zoo.command("list")
+@zoo.command("list", cls=HelpPage)
 def list_teachers(
-    fits: Annotated[str | None, typer.Option(help="Only teachers that fit this task.")] = None,
+    fits: Annotated[
+        str | None, option(OPTIONS, "TASK", "Only teachers that fit this task.")
+    ] = None,
 ) -> None:
-    """List teachers: your own first, then the shipped ones."""
+    """List teachers: your own first, then the shipped ones.
+
+    Examples:
+        repaint zoo list
+        repaint zoo list --fits racer-outer
+    """
     from repaint_cli.cli.console import columns
     from repaint_cli.zoo.store import teachers
 
     known, home = teachers(), user_zoo()
     names = _fitting(fits) if fits else list(known)
-    rows = [(name, *_seen(known[name]), _whose(known[name], home)) for name in names]
+    rows = [(name, *_summary(known[name]), _whose(known[name], home)) for name in names]
     print(columns(("teacher", "task", "score [95 % CI]", "steps", "whose"), rows))
 
 
-def _seen(path: Path) -> tuple[str, str, str]:
+def _summary(path: Path) -> tuple[str, str, str]:
     from repaint_cli.zoo.teacher_card import glance
 
     try:
@@ -54,14 +62,21 @@ def _fitting(task: str) -> list[str]:
     return fitting(card, spaces_of(card))
 
 
-@zoo.command()
+@zoo.command(cls=HelpPage)
 def show(
     name: Name,
     markdown: Annotated[
-        bool, typer.Option("--markdown", help="As a page to publish beside the file.")
+        bool, option(OPTIONS, None, "Write a page to publish beside the file.", "--markdown")
     ] = False,
 ) -> None:
-    """Show a teacher's card."""
+    """Show a teacher's card.
+
+    Examples:
+        repaint zoo show racer-inner
+        repaint zoo show racer-inner --markdown
+    """
+    import json
+
     from repaint_cli.cli.console import plain
     from repaint_cli.zoo import model_card
     from repaint_cli.zoo.store import find
@@ -75,15 +90,23 @@ def show(
         print(json.dumps(card.model_dump(mode="json"), indent=2))
 
 
-@zoo.command()
+@zoo.command(cls=HelpPage)
 def verify(
-    name: Annotated[str | None, typer.Argument(help="A teacher's name or file; none: all.")] = None,
-    score: Annotated[bool, typer.Option("--score", help="Measure the score once more.")] = False,
+    name: Annotated[
+        str | None, argument("TEACHER", "A teacher's name or file. Default: all teachers.")
+    ] = None,
+    score: Annotated[
+        bool, option(OPTIONS, None, "Also measure the score once more.", "--score")
+    ] = False,
 ) -> None:
     """Check that teachers are sound.
 
     A whole file with the hash it was written with, finite weights of the right shapes, a sound
     card, a policy that fits its own task.
+
+    Examples:
+        repaint zoo verify
+        repaint zoo verify racer-inner --score
     """
     from repaint_cli.cli.console import plain
     from repaint_cli.zoo.store import find, teachers
@@ -101,13 +124,22 @@ def verify(
         raise CheckpointError("; ".join(bad))
 
 
-@zoo.command()
+@zoo.command(cls=HelpPage)
 def export(
     name: Name,
-    folder: Annotated[Path, typer.Argument(help="Where to; it is made where it is absent.")],
-    onnx: Annotated[bool, typer.Option("--onnx", help="Write the policy as ONNX, too.")] = False,
+    folder: Annotated[
+        Path, argument("FOLDER", "The folder to write to; it is made where there is none.")
+    ],
+    onnx: Annotated[
+        bool, option(OPTIONS, None, "Also write the policy as ONNX.", "--onnx")
+    ] = False,
 ) -> None:
-    """Write a teacher, card.json and a page to a folder."""
+    """Write a teacher, card.json and a page to a folder.
+
+    Examples:
+        repaint zoo export racer-inner my-folder
+        repaint zoo export racer-inner my-folder --onnx
+    """
     from repaint_cli.cli.session import say_written
     from repaint_cli.zoo.export import export
     from repaint_cli.zoo.store import find
@@ -116,12 +148,17 @@ def export(
     say_written(written, f"repaint zoo verify {shlex.quote(str(written[0]))}")
 
 
-@zoo.command()
+@zoo.command(cls=HelpPage)
 def remove(
-    name: Annotated[str, typer.Argument(help="The name of one of your own teachers.")],
-    yes: Annotated[bool, typer.Option("--yes", help="Do not ask.")] = False,
+    name: Annotated[str, argument("TEACHER", "The name of one of your own teachers.")],
+    yes: Yes = False,
 ) -> None:
-    """Remove one of your own teachers, after asking."""
+    """Remove one of your own teachers, after asking.
+
+    Examples:
+        repaint zoo remove my-teacher
+        repaint zoo remove my-teacher --yes
+    """
     from repaint_cli.cli.console import agreed, plain
     from repaint_cli.zoo.store import remove
 

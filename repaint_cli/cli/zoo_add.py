@@ -4,49 +4,50 @@ import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
-from repaint_cli.errors import CardError, NotFound
+from repaint_cli.cli.options import Replace, argument, option
+from repaint_cli.errors import NotFound, UsageError
 
 if TYPE_CHECKING:
     from repaint_cli.policies.networks import ActorCritic
     from repaint_cli.zoo.teacher_card import TeacherCard
 
+IMPORT = "A policy of another library"
 SOURCES = ("sb3", "cleanrl")
 
 
 def add(
-    name: Annotated[str, typer.Argument(help="What to call the teacher.")],
-    file: Annotated[Path, typer.Argument(help="A teacher's file, or a policy's from elsewhere.")],
+    name: Annotated[str, argument("NAME", "What to call the teacher.")],
+    file: Annotated[Path, argument("FILE", "A teacher's file, or a policy of another library.")],
     source: Annotated[
         str | None,
-        typer.Option(
+        option(
+            IMPORT,
+            "sb3|cleanrl",
+            "The library: a zip of Stable-Baselines3, or a state dict of a cleanrl agent.",
             "--from",
-            metavar="<sb3|cleanrl>",
-            help="Whose file it is: a zip of Stable-Baselines3 or a state dict of a cleanrl agent; "
-            "ours where absent.",
         ),
     ] = None,
     task: Annotated[
-        str | None,
-        typer.Option(help="With --from: the task it was trained on, where it is scored."),
+        str | None, option(IMPORT, "TASK", "The task it was trained on, where it is scored.")
     ] = None,
     vecnormalize: Annotated[
         str | None,
-        typer.Option(
-            metavar="<file|none>",
-            help="With --from: how observations were normalised: VecNormalize's file, or an .npz "
-            "with mean and var.",
+        option(
+            IMPORT,
+            "FILE|none",
+            "How observations were normalised: VecNormalize's file, or an .npz with mean and var.",
         ),
     ] = None,
-    replace: Annotated[
-        bool, typer.Option("--replace", help="Replace a teacher of this name in your zoo.")
-    ] = False,
+    replace: Replace = False,
 ) -> None:
     """Put a policy's file into your zoo as a teacher.
 
     Nothing in the file is run: PPO and A2C of Stable-Baselines3 with MlpPolicy or CnnPolicy, and
     agents of cleanrl's PPO scripts, are read as data; what cannot be read exactly is refused.
+
+    Examples:
+        repaint zoo add my-teacher teacher.safetensors
+        repaint zoo add my-teacher model.zip --from sb3 --task reacher
     """
     from repaint_cli.cli.screen import out
     from repaint_cli.cli.session import new_teacher_name, say_written
@@ -55,9 +56,9 @@ def add(
 
     name = new_teacher_name(name, replace)
     if source is None:
-        network, card = _ours(file, task, vecnormalize)
+        network, card = _own(file, task, vecnormalize)
     else:
-        network, card = _theirs(name, file, source, task, vecnormalize)
+        network, card = _foreign(name, file, source, task, vecnormalize)
     if source and card.score:
         score = f"{card.score.mean:.4g} [{card.score.low:.4g}, {card.score.high:.4g}]"
         out.print(f"score on {card.task.name}: {score} over {card.score.episodes} episodes")
@@ -67,22 +68,31 @@ def add(
     say_written([path], f"repaint transfer --teacher {name} --task {target}")
 
 
-def _ours(
+def _own(
     file: Path, task: str | None, vecnormalize: str | None
 ) -> "tuple[ActorCritic, TeacherCard]":
-    """Read a teacher's file, which says all of itself."""
+    """Read a teacher's file, which says all of itself.
+
+    Raises:
+        UsageError: an option is given that is for other libraries' files.
+    """
     from repaint_cli.zoo.store import load_teacher
 
     if task or vecnormalize:
         option = "--task" if task else "--vecnormalize"
-        raise CardError(f"expected --from {' or '.join(SOURCES)} beside {option}, found none")
+        raise UsageError(f"expected --from {' or '.join(SOURCES)} beside {option}, found none")
     return load_teacher(file)
 
 
-def _theirs(
+def _foreign(
     name: str, file: Path, source: str, task: str | None, vecnormalize: str | None
 ) -> "tuple[ActorCritic, TeacherCard]":
-    """Read another library's file, and score it on its task."""
+    """Read another library's file, and score it on its task.
+
+    Raises:
+        NotFound: there is no such library or task.
+        UsageError: --task is absent.
+    """
     from repaint_cli.learn.evaluation import spaces_of
     from repaint_cli.tasks.card_files import read_task
     from repaint_cli.zoo.importers import cleanrl, sb3
@@ -92,7 +102,7 @@ def _theirs(
     if source not in SOURCES:
         raise NotFound.named("source", source, SOURCES, "repaint zoo add --help")
     if task is None:
-        raise CardError(f"expected the --task that {file} was trained on, found none")
+        raise UsageError(f"expected the --task that {file} was trained on, found none")
     card = read_task(task)
     if source == "sb3":
         policy, normalised = sb3.read(file)

@@ -7,7 +7,7 @@ from time import perf_counter
 import numpy as np
 import torch
 
-from repaint_cli.errors import DivergedError, telling_where
+from repaint_cli.errors import DivergedError, locate_divergence
 from repaint_cli.learn.learner import Learner
 from repaint_cli.learn.on_policy import own_iteration
 from repaint_cli.learn.rollout.storage import Rollout
@@ -54,7 +54,7 @@ def train(
         phase = phase_of(k, task, learner, teachers) if teachers else "ppo"
         now = task.model_copy(update={"ppo": schedules.ppo(k, task.ppo)})
         learner.optimizer.learning_rate = now.ppo.learning_rate
-        with telling_where(learner.seeds, f"iteration {k}"):
+        with locate_divergence(learner.seeds, f"iteration {k}"):
             rollout = None
             if phase == "instance":
                 numbers = _instance_iteration(now, learner, k, teachers)

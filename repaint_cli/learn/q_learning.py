@@ -13,7 +13,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from repaint_cli.errors import CardError, DivergedError, telling_where
+from repaint_cli.errors import CardError, DivergedError, locate_divergence
 from repaint_cli.learn.learner import Learner, without_sights
 from repaint_cli.learn.ppo import IterationStats, finished
 from repaint_cli.learn.rollout.collect import Policy
@@ -53,7 +53,7 @@ def train(
         learner.optimizer.learning_rate = schedules.ppo(k, task.ppo).learning_rate
         taught = k <= task.transfer.iterations and task.transfer.instance > 0
         acting = [teacher for teacher in teachers if teacher.acts] if taught else []
-        with telling_where(learner.seeds, f"iteration {k}"):
+        with locate_divergence(learner.seeds, f"iteration {k}"):
             rollout, watched = _act(task, learner, k, acting)
             made = [(rollout, False), *((one, True) for one in watched)]
             experience = [_experience(task, *pair) for pair in made]

@@ -10,7 +10,7 @@ from typing import Any
 import torch
 
 from repaint_cli.envs.logs import EpisodeLog
-from repaint_cli.errors import CheckpointError, RepaintError, StoreError, telling_where
+from repaint_cli.errors import CheckpointError, RepaintError, StoreError, locate_divergence
 from repaint_cli.files.atomic import alone_in, as_json, write_text
 from repaint_cli.learn import ppo, q_learning
 from repaint_cli.learn.evaluation import evaluate, spaces_of
@@ -117,7 +117,7 @@ class Experiment:
                 measure(task, learner, self.staff.teachers)
             for stats in ALGORITHMS[self.plan.algorithm](task, learner, self.staff.teachers):
                 k = stats.iteration
-                with telling_where(learner.seeds, f"evaluation after iteration {k}"):
+                with locate_divergence(learner.seeds, f"evaluation after iteration {k}"):
                     episodes = evaluate(learner.student, task, learner.seeds, task.eval.episodes, k)
                 inform(task, learner, stats, episodes)
                 report = Report(stats, episodes, perf_counter() - started)

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from repaint_cli.envs.episodes import Episodes
-from repaint_cli.errors import CardError, telling_where
+from repaint_cli.errors import CardError, locate_divergence
 from repaint_cli.learn.evaluation import evaluate
 from repaint_cli.learn.learner import Learner
 from repaint_cli.learn.ppo import IterationStats
@@ -32,7 +32,7 @@ def measure(task: TaskCard, learner: Learner, teachers: Sequence[Teacher]) -> No
         DivergedError: an observation or a reward is not finite.
     """
     networks = [learner.student, *(teacher.network for teacher in teachers)]
-    with telling_where(learner.seeds, "evaluation before the first iteration"):
+    with locate_divergence(learner.seeds, "evaluation before the first iteration"):
         played = [evaluate(net, task, learner.seeds, task.eval.episodes) for net in networks]
     learner.env_steps += sum(episodes.lengths.sum(1) for episodes in played)
     own, *taught = [episodes.returns for episodes in played]

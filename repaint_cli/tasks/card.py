@@ -7,7 +7,7 @@ from typing import Any
 from pydantic import ValidationError, field_validator
 
 from repaint_cli.envs.logs import LoggedRun
-from repaint_cli.errors import CardError, NotFound
+from repaint_cli.errors import CardError, NotFound, UsageError
 from repaint_cli.settings import Settings, first_problem
 from repaint_cli.tasks.recipe import Recipe
 from repaint_cli.tasks.task import Task
@@ -63,14 +63,15 @@ class TaskCard(Recipe, Task, Titled):
         """Return the card with `section.key=value` settings applied; values are TOML or words.
 
         Raises:
-            CardError: a setting is malformed or out of range.
+            UsageError: a setting is not `section.key=value`.
+            CardError: a value is out of range.
             NotFound: there is no such section or key.
         """
         data = self.model_dump()
         for setting in settings:
             path, equals, value = setting.partition("=")
             if not equals or path.count(".") != 1:
-                raise CardError(f"expected --set section.key=value, found '{setting}'")
+                raise UsageError(f"expected --set section.key=value, found '{setting}'")
             section, key = path.split(".")
             sections = [name for name, part in data.items() if isinstance(part, dict)]
             where = "repaint tasks show " + self.name

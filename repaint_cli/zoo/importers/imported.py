@@ -8,7 +8,7 @@ from math import isinf
 import torch
 from torch import Tensor
 
-from repaint_cli.errors import CardError, CheckpointError, TeacherMismatch
+from repaint_cli.errors import CheckpointError, TeacherMismatch, UsageError
 from repaint_cli.learn.evaluation import spaces_of
 from repaint_cli.policies import weights
 from repaint_cli.policies.architecture import NetConfig
@@ -58,6 +58,7 @@ def as_teacher(
 
     Raises:
         TeacherMismatch: it does not fit the task.
+        UsageError: statistics are given for a policy of images.
         CardError: the task's environment cannot be made.
     """
     spaces, (net, seen) = spaces_of(task), _sight(policy, statistics)
@@ -87,7 +88,7 @@ def _sight(policy: Imported, statistics: Statistics | None) -> tuple[NetConfig, 
     """Return the networks with the normaliser's bounds, and its statistics as parameters."""
     if policy.spaces.image:
         if statistics:
-            raise CardError("expected no statistics of images, found some: --vecnormalize none")
+            raise UsageError("expected no statistics of images, found some: --vecnormalize none")
         return policy.net, {}
     n = policy.spaces.obs_shape[0]
     mean, var = torch.zeros(n, dtype=torch.float64), torch.ones(n, dtype=torch.float64)

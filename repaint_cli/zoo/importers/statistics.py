@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from repaint_cli.errors import CardError, CheckpointError
+from repaint_cli.errors import CheckpointError, UsageError
 from repaint_cli.files.limits import read_bytes
 from repaint_cli.zoo.importers.archives import read_members
 from repaint_cli.zoo.importers.pickles import Record, Refused, array_of, number_of, read, shaped
@@ -72,11 +72,11 @@ def statistics_of(path: Path, given: str | None, normalised: bool) -> Statistics
         normalised: whether the policy was trained on normalised observations.
 
     Raises:
-        CardError: it was, and nothing is given.
+        UsageError: it was, and nothing is given.
         CheckpointError: what is given holds something else.
     """
     if given is None and normalised:
-        raise CardError(
+        raise UsageError(
             f"the policy in {path} saw normalised observations, whose statistics are in another "
             "file or none: expected --vecnormalize with VecNormalize's file or an .npz of mean and "
             "var, or --vecnormalize none"

@@ -1,0 +1,100 @@
+"""The options of `repaint compare`."""
+
+from pathlib import Path
+from typing import Annotated, NamedTuple
+
+from repaint_cli.cli.option_rules import Condition, Rule
+from repaint_cli.cli.options import WRITE, AsJson, argument, option
+
+METHODS = "scratch,kickstart,instance,repaint"
+"""What is trained where --methods is absent: the paper's table 1."""
+
+COMPARED = "What to compare"
+TRAINED = "What to train first"
+
+WITH_TASK = Condition(lambda options: options.task, "{option} is for --task; leave it out")
+OF_RETURNS = Condition(
+    lambda options: not options.trajectories, "{option} is for figures of returns; leave it out"
+)
+WITHOUT_REPORT = Condition(
+    lambda options: not options.report,
+    "{option} is for a single picture, in place of --report; leave it out",
+)
+
+
+class CompareOptions(NamedTuple):
+    """The options of `repaint compare`, in the order in which they are checked."""
+
+    folders: Annotated[
+        list[Path] | None,
+        argument("RUN", "Runs' folders, all of one task unless --trajectories.", COMPARED),
+    ] = None
+    task: Annotated[
+        str | None, option(TRAINED, "TASK", "Train --methods on this task, then compare them too.")
+    ] = None
+    teacher: Annotated[
+        list[str] | None,
+        option(TRAINED, "TEACHER", "A teacher's name or file; again for several."),
+        Rule(beside=WITH_TASK),
+    ] = None
+    methods: Annotated[
+        str | None,
+        option(TRAINED, "METHOD,...", f"Methods, with commas between. Default: {METHODS}."),
+        Rule(beside=WITH_TASK),
+    ] = None
+    seeds: Annotated[
+        int | None,
+        option(TRAINED, "INT", "How many seeds of each method. Default: 3."),
+        Rule(beside=WITH_TASK),
+    ] = None
+    seed: Annotated[
+        int | None,
+        option(TRAINED, "INT", "The first seed; the others follow it. Default: 0."),
+        Rule(beside=WITH_TASK),
+    ] = None
+    iterations: Annotated[
+        int | None,
+        option(TRAINED, "INT", "Iterations of training. Default: the card's."),
+        Rule("ppo.n_iterations", beside=WITH_TASK),
+    ] = None
+    jobs: Annotated[
+        int | None,
+        option(TRAINED, "INT", "How many runs at a time. Default: 1."),
+        Rule(beside=WITH_TASK),
+    ] = None
+    set: Annotated[
+        list[str] | None,
+        option(TRAINED, "SECTION.KEY=VALUE", "A setting of the card; again for several."),
+        Rule(list, beside=WITH_TASK),
+    ] = None
+    target: Annotated[
+        str,
+        option(COMPARED, "FLOAT", "The score to reach; auto is the reference's best mean."),
+        Rule(beside=OF_RETURNS),
+    ] = "auto"
+    reference: Annotated[
+        str | None,
+        option(COMPARED, "RUN", "The run or method to compare others with. Default: scratch."),
+        Rule(beside=OF_RETURNS),
+    ] = None
+    report: Annotated[
+        Path | None,
+        option(WRITE, "FOLDER", "A folder for figures, tables and a page that explains them."),
+        Rule(beside=OF_RETURNS),
+    ] = None
+    output: Annotated[
+        Path | None,
+        option(WRITE, "FILE", "The picture. Default: compare.png."),
+        Rule(beside=WITHOUT_REPORT),
+    ] = None
+    json: AsJson = False
+    trajectories: Annotated[
+        bool,
+        option(
+            WRITE,
+            None,
+            "Play each run's last policy in 20 episodes and draw the paths instead; races may be "
+            "of several tasks on one track.",
+            "--trajectories",
+        ),
+    ] = False

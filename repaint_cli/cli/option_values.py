@@ -1,0 +1,161 @@
+"""Values of options that are more than a number or a name, and the settings behind them."""
+
+from repaint_cli.errors import NotFound, UsageError
+from repaint_cli.tasks.methods import ALGORITHMS, METHODS
+from repaint_cli.tasks.presets import PRESETS
+
+
+def seed_list(first: int, how_many: int) -> list[int]:
+    """Return the run seeds.
+
+    Raises:
+        UsageError: there would be none, or a negative one.
+    """
+    if how_many < 1 or first < 0:
+        raise UsageError(
+            f"expected --seeds of at least 1 and --seed of at least 0, found {how_many} and {first}"
+        )
+    return list(range(first, first + how_many))
+
+
+def task_named(name: str | None) -> str:
+    """Return the task's name.
+
+    Raises:
+        UsageError: there is no name, and no run to resume.
+    """
+    if name is None:
+        raise UsageError("expected --task NAME (repaint tasks list), or --resume RUN")
+    return name
+
+
+def method_for(algorithm: str, method: str | None) -> str:
+    """Return the method's name, an algorithm's own default where none is given.
+
+    Raises:
+        NotFound: there is no such algorithm or method.
+        UsageError: the algorithm does not have the method.
+    """
+    if algorithm not in ALGORITHMS:
+        raise NotFound.named("algorithm", algorithm, ALGORITHMS, "repaint transfer --help")
+    default, *others = ALGORITHMS[algorithm]
+    name = method or default
+    if name not in METHODS:
+        raise NotFound.named("method", name, METHODS, "repaint transfer --help")
+    if name not in (default, *others):
+        known = " or ".join((default, *others))
+        raise UsageError(f"expected --method {known} with --algorithm {algorithm}, found '{name}'")
+    return name
+
+
+def parse_ratio(text: str | None) -> tuple[int | None, int | None]:
+    """Read R:I.
+
+    Raises:
+        UsageError: the text is not R:I, or R is 0: nothing would train the critic.
+    """
+    if text is None:
+        return None, None
+    parts = text.split(":")
+    if len(parts) != 2 or not all(part.isdecimal() for part in parts) or int(parts[0]) < 1:
+        raise UsageError(
+            "expected --ratio R:I, R representation iterations (at least 1, someone must train the "
+            f"critic) then I instance iterations, such as 1:1 or 2:1; found '{text}'"
+        )
+    return int(parts[0]), int(parts[1])
+
+
+def parse_betas(text: str) -> float | list[float]:
+    """Read β₀, or a β₀ for each teacher between commas.
+
+    Raises:
+        UsageError: a part is not a number.
+    """
+    try:
+        betas = [float(part) for part in text.split(",")]
+    except ValueError as error:
+        raise UsageError(
+            f"expected --beta as a number, or one for each teacher such as 0.2,0.1; found '{text}'"
+        ) from error
+    return betas[0] if len(betas) == 1 else betas
+
+
+def parse_target(text: str) -> float | None:
+    """Read --target: a number, or None for auto.
+
+    Raises:
+        UsageError: the text is neither a number nor auto.
+    """
+    if text == "auto":
+        return None
+    try:
+        return float(text)
+    except ValueError as error:
+        raise UsageError(f"expected --target as a number or auto, found '{text}'") from error
+
+
+def parse_methods(text: str, jobs: int) -> list[str]:
+    """Read --methods, names between commas, and check --jobs.
+
+    Raises:
+        UsageError: there is no name, one stands there twice, or there is no job.
+    """
+    names = [name for name in text.split(",") if name]
+    if not names or len(set(names)) < len(names) or jobs < 1:
+        raise UsageError(
+            "expected --methods such as scratch,kickstart,repaint, each once, and --jobs of at "
+            f"least 1, found '{text}' and {jobs}"
+        )
+    return names
+
+
+def ratio_settings(text: str) -> list[str]:
+    """Return the settings behind --ratio.
+
+    Raises:
+        UsageError: the text is neither R:I nor auto.
+    """
+    if text == "auto":
+        return ["transfer.phases=auto"]
+    representation, instance = parse_ratio(text)
+    return [
+        f"transfer.representation={representation}",
+        f"transfer.instance={instance}",
+        "transfer.phases=ratio",
+    ]
+
+
+def beta_settings(text: str) -> list[str]:
+    """Return the settings behind --beta.
+
+    Raises:
+        UsageError: the text is neither numbers nor auto.
+    """
+    if text == "auto":
+        return ["transfer.kickstart_schedule=auto"]
+    return [f"transfer.kickstart_coef={parse_betas(text)}"]
+
+
+def threshold_settings(text: str) -> list[str]:
+    """Return the settings behind --threshold."""
+    return ["select.rule=auto" if text == "auto" else f"select.threshold={text}"]
+
+
+def objective_settings(name: str) -> list[str]:
+    """Return the settings behind --objective.
+
+    An objective that does not bound an update uses each sample once.
+    """
+    unbounded = name in ("a2c", "reinforce")
+    return [f"ppo.objective={name}", *["ppo.n_epochs=1"] * unbounded]
+
+
+def preset_settings(name: str) -> list[str]:
+    """Return the settings behind --preset.
+
+    Raises:
+        NotFound: there is no such preset.
+    """
+    if name not in PRESETS:
+        raise NotFound.named("preset", name, PRESETS, "repaint transfer --help")
+    return list(PRESETS[name])

@@ -1,0 +1,150 @@
+"""The options of `repaint transfer`."""
+
+from typing import Annotated, NamedTuple
+
+import typer
+
+from repaint_cli.cli.option_rules import ALTERNATING, INSTANCE, KICKSTART, Condition, Rule
+from repaint_cli.cli.option_values import (
+    beta_settings,
+    objective_settings,
+    ratio_settings,
+    threshold_settings,
+)
+from repaint_cli.cli.options import (
+    HOW,
+    LONG,
+    WHOM,
+    EvalEpisodes,
+    Iterations,
+    Keep,
+    Preset,
+    Resume,
+    RunFolder,
+    Seed,
+    Seeds,
+    Set,
+    Task,
+    TensorBoard,
+    option,
+)
+from repaint_cli.tasks.methods import METHODS
+
+UNTIL_MEASURED = 10**6
+"""K where the end of the transfer is measured."""
+
+METHOD_HELP = "; ".join(f"{name}: {method.summary}" for name, method in METHODS.items())
+
+ONE_SELECTION = Condition(
+    lambda options: options.threshold != "auto" or options.select in (None, "auto"),
+    "--threshold auto selects by itself; leave out --select {other.select}",
+)
+BY_THRESHOLD = Condition(
+    lambda card: card.select.rule in ("zeta", "abs"),
+    "{option} is for --select zeta or abs, found select.rule {other.select.rule}",
+)
+BETA_BY_HAND = Condition(
+    lambda card: card.transfer.kickstart_schedule != "auto",
+    "β is automatic here; leave out --beta and --beta-decay",
+)
+
+
+class TransferOptions(NamedTuple):
+    """The options of `repaint transfer`, in the order of its help."""
+
+    context: typer.Context
+    task: Task = None
+    teacher: Annotated[
+        list[str] | None,
+        option(WHOM, "TEACHER", "A teacher's name (repaint zoo list) or file; again for several."),
+    ] = None
+    instances_from: Annotated[
+        list[str] | None,
+        option(
+            WHOM, "TEACHER", "The teacher to take samples from; again for several. Default: all."
+        ),
+        Rule(methods=INSTANCE),
+    ] = None
+    method: Annotated[str | None, option(HOW, "METHOD", f"{METHOD_HELP}. Default: repaint.")] = None
+    algorithm: Annotated[
+        str, option(HOW, "NAME", "ppo; or q-learning, with --method instance (default) or scratch.")
+    ] = "ppo"
+    preset: Preset = None
+    auto: Annotated[
+        bool,
+        option(
+            HOW,
+            None,
+            "Let what is measured decide β, ζ, the ratio and the end of the transfer.",
+            "--auto",
+        ),
+        Rule(methods=KICKSTART & ALTERNATING),
+    ] = False
+    ratio: Annotated[
+        str | None,
+        option(HOW, "R:I", "R representation iterations, then I instance iterations; or auto."),
+        Rule(ratio_settings, methods=ALTERNATING, algorithms=("ppo",)),
+    ] = None
+    beta: Annotated[
+        str | None,
+        option(
+            HOW,
+            "FLOAT",
+            "β₀, the first weight of the cross-entropy; one for each teacher as 0.2,0.1; or auto.",
+        ),
+        Rule(beta_settings, methods=KICKSTART, card=BETA_BY_HAND),
+    ] = None
+    beta_decay: Annotated[
+        float | None,
+        option(HOW, "FLOAT", "The factor of β after each iteration."),
+        Rule("transfer.kickstart_decay", methods=KICKSTART, card=BETA_BY_HAND),
+    ] = None
+    select: Annotated[
+        str | None,
+        option(
+            HOW, "RULE", "Which teacher samples to keep: zeta, abs, top, per, rbt, all or auto."
+        ),
+        Rule("select.rule", methods=INSTANCE, algorithms=("ppo",)),
+    ] = None
+    threshold: Annotated[
+        str | None,
+        option(HOW, "FLOAT", "ζ: keep teacher samples with an advantage of at least ζ; or auto."),
+        Rule(
+            threshold_settings,
+            q_learning="q_learning.threshold",
+            methods=INSTANCE,
+            beside=ONE_SELECTION,
+            card=BY_THRESHOLD,
+        ),
+    ] = None
+    objective: Annotated[
+        str | None,
+        option(HOW, "NAME", "clipped (PPO), a2c, trpo or reinforce."),
+        Rule(objective_settings, algorithms=("ppo",)),
+    ] = None
+    iterations: Iterations = None
+    transfer_iterations: Annotated[
+        int | None,
+        option(LONG, "INT", "K, the last iteration with the teacher. Default: the card's."),
+        Rule("transfer.iterations", methods=KICKSTART | INSTANCE),
+    ] = None
+    seeds: Seeds = 1
+    seed: Seed = 0
+    eval_episodes: EvalEpisodes = None
+    set: Set = None  # behind all that sets something else: it has the last word
+    resume: Resume = None
+    run: RunFolder = None
+    keep: Keep = 1
+    tensorboard: TensorBoard = False
+
+    def with_auto(self) -> "TransferOptions":
+        """Return the options with "auto" for whatever --auto decides and no option gives."""
+        if not self.auto:
+            return self
+        last = self.transfer_iterations
+        return self._replace(
+            ratio=self.ratio or "auto",
+            beta=self.beta or "auto",
+            threshold=self.threshold or "auto",
+            transfer_iterations=UNTIL_MEASURED if last is None else last,
+        )
