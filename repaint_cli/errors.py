@@ -60,6 +60,19 @@ class CheckpointError(RepaintError):
     exit_code = 5
 
 
+class DamagedFile(RepaintError):
+    """A file is absent, damaged or too large; a reader that knows what it is says which."""
+
+
+@contextmanager
+def reported_as(kind: type[RepaintError]) -> Iterator[None]:
+    """Raise a damaged file as the error of whoever knows what the file is."""
+    try:
+        yield
+    except DamagedFile as error:
+        raise kind(str(error)) from error
+
+
 class DivergedError(RepaintError):
     """A loss, a weight or an observation is not finite."""
 

@@ -10,7 +10,7 @@ from test_resume import assert_same, rewritten
 from test_runs import SCRATCH, record_of
 
 from repaint_cli.errors import CardError, CheckpointError, StoreError
-from repaint_cli.files.atomic import alone_in
+from repaint_cli.files.lock import folder_lock
 from repaint_cli.paths import shipped
 from repaint_cli.policies.weights import load, save
 from repaint_cli.runs import experiment, resume
@@ -80,7 +80,7 @@ def test_a_file_system_without_locks_has_none(home, monkeypatch):
         raise OSError(errno.ENOLCK, "No locks available")
 
     monkeypatch.setattr("fcntl.flock", flock)
-    with alone_in(home), alone_in(home):
+    with folder_lock(home), folder_lock(home):
         pass
 
 

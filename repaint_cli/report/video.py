@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-from repaint_cli.files.atomic import written_whole
+from repaint_cli.files.atomic import atomic_write
 from repaint_cli.report.style import INK
 
 Frame = NDArray[np.uint8]
@@ -38,7 +38,7 @@ def write_video(frames: Iterable[Frame], path: Path, fps: float) -> None:
     first = next(rest, None)
     if first is None:
         raise ValueError("a video needs at least one frame")
-    with written_whole(path) as scratch:
+    with atomic_write(path) as scratch:
         encoder = _encoder(scratch, _even(first).shape, fps)
         try:
             encoder.send(_even(first))

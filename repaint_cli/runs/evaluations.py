@@ -7,7 +7,7 @@ import numpy as np
 import torch
 
 from repaint_cli.errors import CheckpointError
-from repaint_cli.files.atomic import written_to
+from repaint_cli.files.atomic import write_errors
 from repaint_cli.learn.evaluation import Episodes
 from repaint_cli.policies.weights import load, save
 
@@ -48,7 +48,7 @@ def forget_after(run: Path, k: int) -> None:
     """
     for later, path in kept(run).items():
         if later > k:
-            with written_to(path):
+            with write_errors(path):
                 path.unlink()
 
 

@@ -13,7 +13,8 @@ from repaint_cli.envs.racer.deepracer.simtrace import START, Simtrace, log_folde
 from repaint_cli.envs.racer.deepracer.traces import driven, played
 from repaint_cli.envs.simulator import RacerEnv
 from repaint_cli.errors import CheckpointError, RepaintError, StoreError, telling_where
-from repaint_cli.files.atomic import alone_in, as_json, write_text
+from repaint_cli.files.atomic import as_json, write_text
+from repaint_cli.files.lock import folder_lock
 from repaint_cli.learn import ppo, q_learning
 from repaint_cli.learn.evaluation import evaluate, has_paths, spaces_of
 from repaint_cli.learn.learner import Learner
@@ -103,7 +104,7 @@ class Experiment:
         Raises:
             StoreError: another process is at this run, or the disk is full.
         """
-        with alone_in(self.plan.folder):
+        with folder_lock(self.plan.folder):
             yield from self._run()
 
     def _run(self) -> Iterator[Report]:

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from repaint_cli.envs.racer.deepracer.model_files import read_hyperparameters, read_model_metadata
-from repaint_cli.errors import CardError, NotFound
-from repaint_cli.files.limits import read_card, read_text
+from repaint_cli.errors import CardError, NotFound, reported_as
+from repaint_cli.files.limits import read_text, read_toml
 from repaint_cli.paths import shipped
 from repaint_cli.tasks.task import TaskCard
 
@@ -42,7 +42,8 @@ def read_task(name: str) -> TaskCard:
 
 def _resolve(path: Path) -> dict[str, Any]:
     """Read TOML and merge it over what it extends."""
-    data = read_card(path, CardError)
+    with reported_as(CardError):
+        data = read_toml(path)
     code = _reward_code(data, path.parent)
     _resolve_files(data, path.parent)
     base = data.pop("extends", None)
@@ -85,7 +86,8 @@ def _reward_code(data: dict[str, Any], folder: Path) -> dict[str, Any]:
         raise CardError(f"a reward function stands alone: leave out what is beside {file}")
     del data["reward"]
     path = folder / file
-    source = read_text(path, CardError)
+    with reported_as(CardError):
+        source = read_text(path)
     return {"reward": {"function": 1.0}, "reward_code": {"name": path.name, "source": source}}
 
 

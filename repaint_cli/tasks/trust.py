@@ -10,7 +10,7 @@ from pathlib import Path
 
 from repaint_cli.envs.simulator import GymEnv
 from repaint_cli.errors import CardError, StoreError
-from repaint_cli.files.atomic import written_to
+from repaint_cli.files.atomic import write_errors
 from repaint_cli.paths import user_zoo
 from repaint_cli.tasks.task import TaskCard
 
@@ -36,7 +36,7 @@ def allow(task: TaskCard) -> None:
     """
     if not code_of(task) or _allowed(task):
         return
-    with written_to(_path()):
+    with write_errors(_path()):
         _path().parent.mkdir(parents=True, exist_ok=True)
         with _path().open("a", encoding="utf-8") as file:  # a line at a stroke: others may write
             file.write(f"{_fingerprint(task)}  {code_of(task)!r}\n")

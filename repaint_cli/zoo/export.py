@@ -14,7 +14,7 @@ import torch
 from torch import Tensor
 
 from repaint_cli.errors import RepaintError
-from repaint_cli.files.atomic import as_json, write_text, written_whole
+from repaint_cli.files.atomic import as_json, atomic_write, write_text
 from repaint_cli.policies.distributions import Gaussian
 from repaint_cli.policies.networks import ActorCritic
 from repaint_cli.zoo.model_card import markdown
@@ -45,7 +45,7 @@ def export(path: Path, folder: Path, *, onnx: bool = False) -> list[Path]:
         _require_onnx()
     name = path.stem
     files = [folder / f"{name}.safetensors", folder / "card.json", folder / "README.md"]
-    with written_whole(files[0]) as temporary:
+    with atomic_write(files[0]) as temporary:
         shutil.copyfile(path, temporary)
     write_text(files[1], as_json(card.model_dump(mode="json")))
     write_text(files[2], markdown(card, path))
@@ -101,7 +101,7 @@ def write_onnx(network: ActorCritic, card: TeacherCard, path: Path) -> None:
         )  # fmt: skip
     assert program is not None
     program.model.metadata_props["repaint"] = json.dumps(card.model_dump(mode="json"))
-    with written_whole(path) as temporary:
+    with atomic_write(path) as temporary:
         program.save(temporary, external_data=False)
 
 

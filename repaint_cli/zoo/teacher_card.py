@@ -13,7 +13,7 @@ from pydantic import (
 )
 
 from repaint_cli.errors import CheckpointError, StoreError
-from repaint_cli.files.headers import glimpse, read_header
+from repaint_cli.files.headers import peek_header, read_header
 from repaint_cli.settings import Settings, first_problem
 from repaint_cli.tasks.task import TaskCard
 
@@ -141,7 +141,7 @@ def glance(path: Path) -> Glance:
         CheckpointError: the file is damaged or no teacher.
     """
     try:
-        header = glimpse(path)
+        header = peek_header(path)
     except CheckpointError:  # of a long summary, say
         header = read_header(path)
     try:

@@ -7,12 +7,12 @@ from repaint_cli.statistics import Floats
 
 FINEST = 0.01
 """Least edge of a cell, m."""
-MOST_CELLS = 500_000
+MAX_CELLS = 500_000
 
 
 def cell_of(low: Floats, high: Floats) -> float:
     """Return the edge of the cells between two corners (2,), m: coarser for a large field."""
-    return max(FINEST, float(np.sqrt(np.prod(high - low) / MOST_CELLS)))
+    return max(FINEST, float(np.sqrt(np.prod(high - low) / MAX_CELLS)))
 
 
 def sweep(xy: Floats, values: Floats, low: Floats, high: Floats) -> tuple[Floats, Floats]:
