@@ -9,7 +9,8 @@ import numpy as np
 from repaint_cli.envs.gymnasium.film import Episode, render_gym
 from repaint_cli.envs.gymnasium.reacher import plot_reacher
 from repaint_cli.envs.racer.deepracer.simtrace import log_folders, read_training
-from repaint_cli.envs.racer.film import NOSE, Drive, racer_frames
+from repaint_cli.envs.racer.dynamics.car import FRONT_OFFSET
+from repaint_cli.envs.racer.film import FilmedEpisode, racer_frames
 from repaint_cli.envs.racer.path_figure import plot_racer
 from repaint_cli.envs.racer.track.files import load_track
 from repaint_cli.envs.racer.training_figures import plot_heatmap, plot_progress
@@ -154,13 +155,13 @@ def _replay(played: Episodes, e: int) -> Episode:
     return Episode(played.env_seeds[e], actions, rewards)
 
 
-def _drive(played: Episodes, e: int) -> Drive:
+def _drive(played: Episodes, e: int) -> FilmedEpisode:
     assert played.sights is not None
     images, *ranges = parts(played.sights[0][e])
     steps = played.lengths[0, e]
     state = {name: rows[:steps, 0, e] for name, rows in played.records.items()}
-    ahead = NOSE * np.stack([np.cos(state["heading"]), np.sin(state["heading"])], -1)
-    return Drive(
+    ahead = FRONT_OFFSET * np.stack([np.cos(state["heading"]), np.sin(state["heading"])], -1)
+    return FilmedEpisode(
         xy=np.stack([state["x"], state["y"]], -1) - ahead,
         heading=state["heading"],
         speed=state["speed"],
