@@ -27,6 +27,8 @@ from repaint_cli.report.video import Frame, font
 MAP_WIDTH, SIDE_WIDTH, HEIGHT = 640, 480, 480
 FINE = 2
 """The map is drawn this many times finer and averaged, so that edges are smooth."""
+BEAM_ANGLES = np.deg2rad(np.rint(np.rad2deg(np.pi + FIRST_BEAM + np.array([0, BEAM_SPAN]))))
+"""Of the lidar's first and last beam in whole degrees, to the left from straight ahead, rad."""
 CAR_COLOUR, BOT_COLOUR = "#009E73", "#666666"
 CAMERA_HEIGHT = 360
 LIDAR_SIZE = 120
@@ -206,7 +208,7 @@ def _scan_view(ranges: Floats) -> Image.Image:
 
 def beam_ends(ranges: Floats) -> Iterator[tuple[float, float, bool]]:
     """Yield where each beam (B,) ends, ahead and to the left of the lidar (m), and whether free."""
-    angles = np.pi + FIRST_BEAM + np.linspace(0, BEAM_SPAN, len(ranges))
+    angles = np.linspace(*BEAM_ANGLES, len(ranges))
     for angle, reach in zip(angles, ranges, strict=True):
         yield float(np.cos(angle) * reach), float(np.sin(angle) * reach), bool(reach >= RANGE)
 
