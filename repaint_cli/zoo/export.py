@@ -1,4 +1,4 @@
-"""A teacher for other programs: its file, its card as JSON and as a page, and ONNX."""
+"""Export of a teacher for other programs: its file, its card as JSON and as a page, and ONNX."""
 
 import json
 import logging
@@ -28,16 +28,16 @@ def export(path: Path, folder: Path, *, onnx: bool = False) -> list[Path]:
     """Write a teacher's file, card.json and README.md into a folder, and maybe its policy as ONNX.
 
     Args:
-        path: the teacher's file.
-        folder: where to; what is there of these names is replaced.
-        onnx: whether to write NAME.onnx, see `write_onnx`.
+        path: of the teacher's file.
+        folder: to write to; files of the same names are replaced.
+        onnx: whether to write NAME.onnx too, see `write_onnx`.
 
     Returns:
-        What was written.
+        The paths written.
 
     Raises:
-        CheckpointError: the teacher is damaged.
-        RepaintError: there is no ONNX here.
+        CheckpointError: the teacher's file is damaged.
+        RepaintError: the package onnx or onnxscript is not installed.
         StoreError: the folder cannot be written.
     """
     network, card = load_teacher(path)
@@ -69,13 +69,13 @@ class _Policy(torch.nn.Module):
 
     def forward(self, obs: Tensor, lidar: Tensor | None = None) -> tuple[Tensor, ...]:
         """Return mean (B, A) and log σ (A,), or log π (B, A), for observations (B, *O)."""
-        seen: Any = obs.unsqueeze(0)
+        batch: Any = obs.unsqueeze(0)
         if lidar is not None:
-            seen = {"camera": seen, "lidar": lidar.unsqueeze(0)}
-        found = self._network.policy(seen)
-        if isinstance(found, Gaussian):
-            return found.mean.squeeze(0), found.log_std.reshape(-1)
-        return (found.log_probs.squeeze(0),)
+            batch = {"camera": batch, "lidar": lidar.unsqueeze(0)}
+        distribution = self._network.policy(batch)
+        if isinstance(distribution, Gaussian):
+            return distribution.mean.squeeze(0), distribution.log_std.reshape(-1)
+        return (distribution.log_probs.squeeze(0),)
 
 
 def write_onnx(network: ActorCritic, card: TeacherCard, path: Path) -> None:
@@ -107,7 +107,7 @@ def write_onnx(network: ActorCritic, card: TeacherCard, path: Path) -> None:
 
 @contextmanager
 def _quietly() -> Iterator[None]:
-    """Keep the exporter's own affairs from the screen."""
+    """Keep the exporter's logs and warnings from the screen."""
     before = logging.root.manager.disable
     logging.disable(logging.WARNING)
     try:

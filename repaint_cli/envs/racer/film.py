@@ -208,7 +208,7 @@ def _scan_view(ranges: Floats) -> Image.Image:
 
 def beam_ends(ranges: Floats) -> Iterator[tuple[float, float, bool]]:
     """Yield where each beam (B,) ends, ahead and to the left of the lidar (m), and whether free."""
-    angles = np.linspace(*BEAM_ANGLES, len(ranges))
+    angles = np.linspace(BEAM_ANGLES[0], BEAM_ANGLES[1], len(ranges))
     for angle, reach in zip(angles, ranges, strict=True):
         yield float(np.cos(angle) * reach), float(np.sin(angle) * reach), bool(reach >= RANGE)
 

@@ -76,7 +76,7 @@ def as_teacher(
         versions=versions() | policy.versions,
         created=datetime.now(UTC).isoformat(timespec="seconds"),
     )
-    if problem := store.misfit(card, task, spaces):
+    if problem := store.mismatch(card, task, spaces):
         raise TeacherMismatch(f"{problem}; give the --task it was trained on")
     _check_leaves(policy, card)
     network = ActorCritic(spaces, net, 1)
