@@ -1,4 +1,4 @@
-"""The house look of every figure: colours that the colour-blind can tell apart, sizes, saving.
+"""The style of every figure: colours that colour-blind people can tell apart, sizes, saving.
 
 Figures are `matplotlib.figure.Figure` on the Agg canvas; pyplot and its global state stay out.
 """
@@ -95,7 +95,7 @@ def save(figure: Figure, path: Path) -> None:
     """Write a figure as a PNG or SVG in one step; the same figure always gives the same bytes.
 
     Raises:
-        StoreError: the file cannot be written; what was there before is still there.
+        StoreError: the file cannot be written; an earlier file of that name is as it was.
     """
     with atomic_write(path) as scratch:
         if path.suffix == ".svg":

@@ -18,8 +18,8 @@ Frame = NDArray[np.uint8]
 
 CAPTION_HEIGHT = 56
 
-PATIENCE = 60.0
-"""Seconds that the encoder may take to end once it has all frames."""
+ENCODER_TIMEOUT = 60.0
+"""Of the encoder after the last frame, s."""
 
 
 def write_video(frames: Iterable[Frame], path: Path, fps: float) -> None:
@@ -63,7 +63,7 @@ def _encoder(
         quality=None,
         macro_block_size=1,
         ffmpeg_log_level="error",
-        ffmpeg_timeout=PATIENCE,
+        ffmpeg_timeout=ENCODER_TIMEOUT,
         output_params=["-preset", "veryfast", "-crf", "20", "-movflags", "+faststart"],
     )
     encoder.send(None)

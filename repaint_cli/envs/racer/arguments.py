@@ -13,7 +13,7 @@ def check_positive(**numbers: int) -> None:
     """Check that settings are at least 1.
 
     Raises:
-        ValueError: one is less.
+        ValueError: a setting is less than 1.
     """
     for name, value in numbers.items():
         if value < 1:

@@ -61,22 +61,33 @@ def plot_heatmap(
     scale = LogNorm(1, max(2.0, *(float(count.max()) for count in visits)))
     for axes, quarter, count in zip(grid.flat, quarters, visits, strict=True):
         draw_road(axes, inner, outer, centre)
-        visited = np.ma.masked_less(count.T, 1)
-        axes.pcolormesh(*edges, visited, cmap=style.ramp(), norm=scale, zorder=2.5, alpha=0.9)
-        _mark_ends(axes, quarter)
+        _draw_quarter(axes, quarter, count, edges, scale)
         axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
-        axes.set_title(_label(quarter), size=style.TEXT_SIZE - 0.5, color=style.INK)
-        axes.set_aspect("equal")
-        style.tidy(axes)
-    for below, beside in zip(grid[-1], grid[:, 0], strict=True):
-        below.set_xlabel("x [m]", size=style.NOTE_SIZE)
-        beside.set_ylabel("y [m]", size=style.NOTE_SIZE)
+    for lowest, leftmost in zip(grid[-1], grid[:, 0], strict=True):
+        lowest.set_xlabel("x [m]", size=style.NOTE_SIZE)
+        leftmost.set_ylabel("y [m]", size=style.NOTE_SIZE)
     _colour_bar(figure, list(grid.flat), scale)
-    crashed = (
-        [legend_entry("crashed", CRASH)] if any(t.status == "crashed" for _, t in episodes) else []
-    )
-    legend(figure, [legend_entry("left the track", EXIT), *crashed])
+    entries = [legend_entry("left the track", EXIT)]
+    if any(trace.status == "crashed" for _, trace in episodes):
+        entries.append(legend_entry("crashed", CRASH))
+    legend(figure, entries)
     style.save(figure, path)
+
+
+def _draw_quarter(
+    axes: Axes,
+    quarter: Sequence[TrainingEpisode],
+    visits: Floats,
+    edges: list[Floats],
+    scale: LogNorm,
+) -> None:
+    """Draw a panel's cells, by their visits (columns, rows), and the ends of its episodes."""
+    visited = np.ma.masked_less(visits.T, 1)
+    axes.pcolormesh(*edges, visited, cmap=style.ramp(), norm=scale, zorder=2.5, alpha=0.9)
+    _mark_ends(axes, quarter)
+    axes.set_title(_label(quarter), size=style.TEXT_SIZE - 0.5, color=style.INK)
+    axes.set_aspect("equal")
+    style.tidy(axes)
 
 
 def _mark_ends(axes: Axes, quarter: Sequence[TrainingEpisode]) -> None:
@@ -115,6 +126,20 @@ def plot_progress(
     figure = style.new_figure(7.6, 4.4)
     style.headline(figure, title)
     axes: Axes = figure.subplots()
+    _plot_training_progress(axes, episodes)
+    k = np.arange(1, len(evaluated) + 1)
+    axes.plot(k, evaluated, color="#0072B2", linewidth=2, label="mean of the evaluation")
+    axes.set_ylim(-3, 103)
+    axes.set_xlabel("iteration", size=style.TEXT_SIZE)
+    axes.set_ylabel("lap progress, share of laps [%]", size=style.TEXT_SIZE)
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+    style.tidy(axes)
+    figure.legend(loc="outside lower center", ncols=4, frameon=False, fontsize=style.NOTE_SIZE)
+    style.save(figure, path)
+
+
+def _plot_training_progress(axes: Axes, episodes: Sequence[TrainingEpisode]) -> None:
+    """Plot each training episode's progress, their mean, and the share of whole laps."""
     iterations = np.array([k for k, _ in episodes])
     progress = np.clip([trace.progress[-1] for _, trace in episodes], 0, 100)
     aside = np.random.default_rng(0).uniform(-0.18, 0.18, len(episodes))
@@ -134,15 +159,6 @@ def plot_progress(
     axes.plot(
         driven, whole, color="#009E73", linewidth=1.6, linestyle="--", label="share of whole laps"
     )
-    k = np.arange(1, len(evaluated) + 1)
-    axes.plot(k, evaluated, color="#0072B2", linewidth=2, label="mean of the evaluation")
-    axes.set_ylim(-3, 103)
-    axes.set_xlabel("iteration", size=style.TEXT_SIZE)
-    axes.set_ylabel("lap progress, share of laps [%]", size=style.TEXT_SIZE)
-    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
-    style.tidy(axes)
-    figure.legend(loc="outside lower center", ncols=4, frameon=False, fontsize=style.NOTE_SIZE)
-    style.save(figure, path)
 
 
 def _quarters(episodes: Sequence[TrainingEpisode]) -> list[list[TrainingEpisode]]:
