@@ -67,6 +67,22 @@ class CheckpointError(RepaintError):
     exit_code = 5
 
 
+class DamagedFile(Exception):
+    """A file is absent, damaged or too large, for a reader that does not know what the file is.
+
+    It has no exit code: the caller, who knows, raises it as one of the others; see `reported_as`.
+    """
+
+
+@contextmanager
+def reported_as(kind: type[RepaintError]) -> Iterator[None]:
+    """Raise a `DamagedFile` as the error of what the file is, such as a card or a teacher."""
+    try:
+        yield
+    except DamagedFile as error:
+        raise kind(str(error)) from error
+
+
 class DivergedError(RepaintError):
     """A loss, a weight or an observation is not finite."""
 

@@ -19,6 +19,7 @@ from repaint_cli.cli.evaluate import EvaluateOptions
 from repaint_cli.cli.option_values import parse_ratio, seed_list
 from repaint_cli.cli.train_teacher import TrainTeacherOptions
 from repaint_cli.cli.transfer_options import TransferOptions
+from repaint_cli.envs.gymnasium.simulator import GymnasiumSimulator
 from repaint_cli.errors import RenderError
 from repaint_cli.policies.spaces import Spaces
 from repaint_cli.runs.experiment import Experiment

@@ -9,7 +9,13 @@ from torch.distributions import Categorical as TorchCategorical
 from torch.distributions import Independent, Normal, kl_divergence
 from torch.testing import assert_close
 
-from repaint_cli.policies.distributions import Categorical, Gaussian, blend, joined, side_by_side
+from repaint_cli.policies.distributions import (
+    Categorical,
+    Gaussian,
+    concat_policies,
+    concat_samples,
+    mixture,
+)
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -164,14 +170,14 @@ def test_rows_are_picked_seed_by_seed(family):
 def test_a_blend_has_the_weighted_cross_entropies_of_its_parts(family, seed, betas):
     teachers = [family(seed + i)[0] for i in range(len(betas))]
     student = family(seed + 7)[0]
-    whole = blend(teachers, weights_of(betas)).cross_entropy(student)
+    whole = mixture(teachers, weights_of(betas)).cross_entropy(student)
     parts = sum(b * t.cross_entropy(student) for b, t in zip(betas, teachers, strict=True))
     assert_close(sum(betas) * whole, parts, rtol=1e-4, atol=1e-4)
 
 
 def test_a_blend_of_two_gaussians_by_hand():
     # means ±1 with equal weights and σ = 1: variance 1 + 1
-    found = blend([gaussian([1.0], [1.0]), gaussian([-1.0], [1.0])], weights_of([0.3, 0.3], 1))
+    found = mixture([gaussian([1.0], [1.0]), gaussian([-1.0], [1.0])], weights_of([0.3, 0.3], 1))
     assert_close(found.mean, torch.zeros(1, 1, 1))
     assert_close(found.log_std.exp(), torch.full((1, 1, 1), sqrt(2)))
 
@@ -179,13 +185,13 @@ def test_a_blend_of_two_gaussians_by_hand():
 @pytest.mark.parametrize("make", [any_gaussian, any_categorical])
 def test_a_blend_of_one_is_itself(make):
     teacher = make(0)[0]
-    assert blend([teacher], weights_of([0.2])) is teacher
+    assert mixture([teacher], weights_of([0.2])) is teacher
 
 
 @pytest.mark.parametrize("make", [any_gaussian, any_categorical])
 def test_policies_side_by_side_keep_their_own_samples_and_spreads(make):
     first, second = make(0)[0], make(1)[0]
-    whole, noise = side_by_side([first, second]), torch.rand(2, 6, first.n_actions)
+    whole, noise = concat_policies([first, second]), torch.rand(2, 6, first.n_actions)
     parts = [first.sample(noise[:, :3]), second.sample(noise[:, 3:])]
     assert_close(whole.sample(noise), torch.cat(parts, 1))
     rows = (torch.arange(2)[:, None], torch.tensor([[5, 0], [3, 2]]))
@@ -197,13 +203,13 @@ def test_policies_side_by_side_keep_their_own_samples_and_spreads(make):
 
 def test_one_policy_joined_keeps_one_spread():
     first = any_gaussian(0)[0]
-    assert joined([first, first]).log_std.shape == (2, 1, 4)
+    assert concat_samples([first, first]).log_std.shape == (2, 1, 4)
 
 
 @pytest.mark.parametrize("make", [any_gaussian, any_categorical])
 def test_weights_of_a_blend_may_be_each_seeds_own_and_all_zero(make):
     first, second = make(0)[0], make(1)[0]
-    found = blend([first, second], torch.tensor([[1.0, 0.0], [0.0, 0.0]]))
+    found = mixture([first, second], torch.tensor([[1.0, 0.0], [0.0, 0.0]]))
     mode = found.mode()[0] == first.mode()[0]
     assert mode.all()
     assert all(torch.isfinite(part).all() for part in vars(found).values())

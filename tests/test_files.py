@@ -10,7 +10,7 @@ from safetensors.numpy import save_file
 
 from repaint_cli.errors import CheckpointError, StoreError
 from repaint_cli.files import atomic
-from repaint_cli.files.atomic import sha256, write_text, written_whole
+from repaint_cli.files.atomic import atomic_write, sha256, write_text
 from repaint_cli.files.headers import read_header
 
 
@@ -65,7 +65,7 @@ def test_bytes_on_a_full_disk_do_too(old):
     with (
         full_disk(1000),
         pytest.raises(StoreError, match="cannot write"),
-        written_whole(old) as new,
+        atomic_write(old) as new,
     ):
         new.write_bytes(bytes(10_000))
     assert untouched(old)
@@ -74,7 +74,7 @@ def test_bytes_on_a_full_disk_do_too(old):
 @pytest.mark.parametrize("error", [ValueError, KeyboardInterrupt])
 def test_whatever_else_goes_wrong_is_passed_on(old, error):
     def write_half():
-        with written_whole(old) as new:
+        with atomic_write(old) as new:
             new.write_text("half")
             raise error
 

@@ -54,7 +54,7 @@ def malicious(sentinel):
         "huge bytes": (b"\x8e" + struct.pack("<Q", 2**62) + b"x.", "a broken pickle"),
         "huger bytes": (b"\x8e" + b"\xff" * 8 + b"x.", "a broken pickle"),
         "huge integer": (b"I" + b"9" * 10**6 + b"\n.", "a broken pickle"),
-        "more opcodes": (b"N" * (pickles.MOST_OPCODES + 1) + b".", "more than 200000 opcodes"),
+        "more opcodes": (b"N" * (pickles.MAX_OPCODES + 1) + b".", "more than 200000 opcodes"),
         "laughs": (b"(" + laughs + b".", "the opcode POP"),
         "tuple as key": (b"})K\x01s.", "a key that is no text but of type tuple"),
         "empty stack": (b"\x85.", "a broken pickle"),

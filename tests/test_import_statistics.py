@@ -153,7 +153,7 @@ def test_a_pickle_of_another_thing_is_refused(tmp_path):
 
 
 def test_a_file_that_is_too_large_is_not_read(tmp_path, monkeypatch):
-    monkeypatch.setattr(statistics, "LARGEST", 100)
+    monkeypatch.setattr(statistics, "MAX_BYTES", 100)
     path = saved(tmp_path, normalised(dreaming()))
     assert "expected at most 100 bytes, found 2,0" in refusal(path)
 
@@ -218,8 +218,8 @@ def test_broken_arrays_are_refused(tmp_path, part, found):
 
 def test_the_limits_leave_room_for_what_vecnormalize_writes():
     data = pickle.dumps(normalised(dreaming()))
-    assert sum(1 for _ in pickletools.genops(data)) < pickles.MOST_OPCODES / 100
-    assert len(data) < statistics.LARGEST / 100
+    assert sum(1 for _ in pickletools.genops(data)) < pickles.MAX_OPCODES / 100
+    assert len(data) < statistics.MAX_BYTES / 100
 
 
 def test_a_bound_beyond_all_numbers_is_refused(tmp_path):

@@ -322,7 +322,7 @@ def sights(n):
 @pytest.mark.parametrize("name", DEEP)
 def test_the_papers_camera_networks_are_torchs(name):
     student, obs = drawn(STEREO, NetConfig(kind="cnn", conv=name)), sights(3)
-    shape, weights = NetConfig(kind="cnn", conv=name).eyes, student.weights
+    shape, weights = NetConfig(kind="cnn", conv=name).conv_torso, student.weights
     bend = torch.tanh if name == "4-layer" else torch.relu
     x = F.avg_pool2d(obs["camera"][0].permute(0, 3, 1, 2) / 255, 2)
     for layer, ((_, _, stride), size) in enumerate(zip(shape.layers, DEEP[name], strict=True)):
@@ -343,7 +343,7 @@ def test_the_papers_camera_networks_are_torchs(name):
 
 
 def test_the_three_layers_by_name_are_the_default():
-    assert NetConfig(kind="cnn", conv="3-layer").eyes == NetConfig(kind="cnn").eyes
+    assert NetConfig(kind="cnn", conv="3-layer").conv_torso == NetConfig(kind="cnn").conv_torso
 
 
 @pytest.mark.parametrize("shared", [False, True])

@@ -35,9 +35,9 @@ def car_at(x=0.0, y=0.0, yaw=0.0):
     return np.array([[x, y, yaw, 0.0, 0.0]])
 
 
-def drawn(state, poses, eye_side=0.0):
+def drawn(state, poses, eye_offset=0.0):
     images = np.full((1, camera.HEIGHT, camera.WIDTH, 1), 200, np.uint8)
-    boxes.draw_rows(np.zeros(1, int), state, poses[None], eye_side, camera.lens(), images, 0)
+    boxes.draw_rows(np.zeros(1, int), state, poses[None], eye_offset, camera.lens(), images, 0)
     return images[0, :, :, 0]
 
 
@@ -62,14 +62,14 @@ def scattered(rng, n_bots, reach=1.5):
 
 
 @pytest.mark.parametrize("seed", range(12))
-@pytest.mark.parametrize("eye_side", [0.0, 0.03])
-def test_boxes_are_drawn_as_their_slow_twin_draws_them(seed, eye_side):
+@pytest.mark.parametrize("eye_offset", [0.0, 0.03])
+def test_boxes_are_drawn_as_their_slow_twin_draws_them(seed, eye_offset):
     rng = np.random.default_rng(seed)
     poses = scattered(rng, 4)
     towards = np.arctan2(poses[0, 1], poses[0, 0]) + rng.uniform(-0.5, 0.5)
     state = car_at(*rng.uniform(-0.05, 0.05, 2), towards)
-    fast = drawn(state, poses, eye_side)
-    slow = reference.draw_boxes(state[0], eye_side, poses, np.full(fast.shape, 200.0))
+    fast = drawn(state, poses, eye_offset)
+    slow = reference.draw_boxes(state[0], eye_offset, poses, np.full(fast.shape, 200.0))
     assert (fast != slow).mean() < 1e-3  # an edge may fall a pixel to the other side
     assert 0 < (slow != 200).mean() < 0.9
 
@@ -77,8 +77,8 @@ def test_boxes_are_drawn_as_their_slow_twin_draws_them(seed, eye_side):
 def test_a_box_ahead_shows_its_end_and_one_across_its_flank():
     ahead = drawn(car_at(), np.array([[0.8, 0.0, 0.0, 1.0]]))
     across = drawn(car_at(), np.array([[0.8, 0.0, np.pi / 2, 1.0]]))
-    assert set(np.unique(ahead)) == {boxes.END, 200}
-    assert set(np.unique(across)) == {boxes.FLANK, 200}
+    assert set(np.unique(ahead)) == {boxes.END_LUMA, 200}
+    assert set(np.unique(across)) == {boxes.SIDE_LUMA, 200}
     assert (across != 200).sum() > 1.3 * (ahead != 200).sum()
     columns = np.flatnonzero((ahead != 200).any(0))
     assert columns[0] + columns[-1] == camera.WIDTH - 1  # in the middle
@@ -100,23 +100,23 @@ def test_stereo_sees_what_is_near_farther_apart(track):
     def shift(distance):
         box = np.array([[distance, 0.0, 0.0, 1.0]])
         places = [np.flatnonzero((drawn(car_at(), box, side) != 200).any(0)).mean()
-                  for side in camera.STEREO_EYES]  # fmt: skip
+                  for side in camera.STEREO_EYE_OFFSETS]  # fmt: skip
         return places[0] - places[1]
 
     for distance in (0.6, 1.2, 2.4):
-        depth = distance - camera.CAMERA_X - boxes.LENGTH / 2
+        depth = distance - camera.CAMERA_X - boxes.BOT_LENGTH / 2
         assert shift(distance) == pytest.approx(0.06 * camera.FOCAL / depth, rel=0.15, abs=1)
 
 
-@pytest.mark.parametrize("eye_side", camera.STEREO_EYES)
-def test_each_eye_sees_the_road_as_its_slow_twin(track, eye_side):
+@pytest.mark.parametrize("eye_offset", camera.STEREO_EYE_OFFSETS)
+def test_each_eye_sees_the_road_as_its_slow_twin(track, eye_offset):
     picture = ground.ground_of(track)
     parts = (picture.levels, picture.origin, picture.field, camera.WALLS)
     place, heading = track.pose_at(np.array(0.3))
     state = np.array([*place, heading + 0.2, 0, 0])
     image = np.zeros((camera.HEIGHT, camera.WIDTH), np.uint8)
-    camera.render(state, eye_side, camera.row_table(), *parts, image)
-    slow = reference.render(state, picture, eye_side)
+    camera.render(state, eye_offset, camera.row_table(), *parts, image)
+    slow = reference.render(state, picture, eye_offset)
     assert (np.abs(image - slow) > 2).mean() < 0.01
 
 
@@ -136,7 +136,7 @@ def test_the_lidar_is_blind_ahead_and_sees_behind():
     poses = np.array([[[0.6, 0.0, 0.0, 1.0]], [[-0.6, 0.0, 0.0, 1.0]]])
     boxes.scan_rows(np.arange(2), states, poses, ranges)
     assert (ranges[0] == 1).all()
-    gap = 0.6 + boxes.BEAM_X - boxes.LENGTH / 2
+    gap = 0.6 + boxes.BEAM_X - boxes.BOT_LENGTH / 2
     assert ranges[1].min() == pytest.approx(gap, abs=2e-3)
     assert ranges[1].argmin() in (31, 32)
     assert ranges[1, 0] == ranges[1, -1] == 1

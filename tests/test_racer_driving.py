@@ -5,7 +5,7 @@ import pytest
 
 from repaint_cli.envs.racer.dynamics.car import (
     ACTIONS,
-    BODY,
+    CAR_POINTS,
     CAR_PROFILES,
     FRONT_OFFSET,
     STEP_SECONDS,
@@ -39,12 +39,12 @@ class Planner:
         fronts, measures, scores = np.zeros((10, 2)), np.zeros((10, 6)), np.zeros(10)
         track = self.track
         lines = (*track.lines, *track.outline)
-        measure(rows, states, BODY, *lines, fronts, measures)
+        measure(rows, states, CAR_POINTS, *lines, fronts, measures)
         ndist = measures[:, NDIST].copy()
         for _ in range(8):
             drive_rows(rows, states, before, COMMANDS, self.car, STEP_SECONDS)
             before = COMMANDS
-            measure(rows, states, BODY, *lines, fronts, measures)
+            measure(rows, states, CAR_POINTS, *lines, fronts, measures)
             lead = self.lane * (measures[:, OUTER_GAP] - measures[:, INNER_GAP])
             scores += (lead > 0.03) - 5.0 * (measures[:, CENTRE_GAP] > 0.28)
         scores += 100 * ((measures[:, NDIST] - ndist + 0.5) % 1 - 0.5)

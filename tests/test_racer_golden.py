@@ -43,7 +43,7 @@ def look(pose):
         place = fleet.states[0, :2] + ahead * way + beside * np.array([-way[1], way[0]])
         fleet.bots.poses[0, 0, :3] = *place, yaw + bot_turn
     sensors = Sensors(track, "stereo" if bot else "camera", 0.12, None, 1)
-    (image,) = sensors.look(np.arange(1), fleet, [np.random.default_rng(0)])["camera"]
+    (image,) = sensors.read(np.arange(1), fleet, [np.random.default_rng(0)])["camera"]
     return np.concatenate(np.moveaxis(image, 2, 0), axis=1)
 
 

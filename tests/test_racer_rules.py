@@ -7,7 +7,7 @@ import racer_reference as reference
 from numpy.testing import assert_allclose, assert_array_equal
 
 from repaint_cli.envs.racer.dynamics import rules
-from repaint_cli.envs.racer.dynamics.car import BODY, FRONT_OFFSET
+from repaint_cli.envs.racer.dynamics.car import CAR_POINTS, FRONT_OFFSET
 from repaint_cli.envs.racer.names import STATUS
 from repaint_cli.envs.racer.track.geometry import CENTRE_GAP, NDIST, ROAD_WIDTH, WHEELS_ON, measure
 from repaint_cli.envs.racer.track.track import Track
@@ -96,7 +96,7 @@ def test_where_a_car_stands_agrees_with_the_reference(clockwise):
     states[:200, :2] = road.pose_at(rng.random(200))[0] + rng.normal(0, 0.3, (200, 2))
     states[:, 2] = rng.uniform(-np.pi, np.pi, 400)
     fronts, measures = np.zeros((400, 2)), np.zeros((400, 6))
-    measure(np.arange(400), states, BODY, *road.lines, *road.outline, fronts, measures)
+    measure(np.arange(400), states, CAR_POINTS, *road.lines, *road.outline, fronts, measures)
     assert_allclose(measures, reference.locate(road, states), rtol=0, atol=1e-9)
 
 

@@ -10,7 +10,8 @@ from small_runs import QUICK, add_teacher, files_below
 from test_runs import SCRATCH, record_of, stopped_by
 
 from repaint_cli.errors import CheckpointError, NotFound, StoreError, TeacherMismatch, UsageError
-from repaint_cli.files.atomic import alone_in, sha256
+from repaint_cli.files.atomic import sha256
+from repaint_cli.files.lock import folder_lock
 from repaint_cli.policies import weights
 from repaint_cli.policies.weights import load
 from repaint_cli.runs import experiment
@@ -235,7 +236,7 @@ def test_other_versions_are_said(repaint, home):
 def test_of_two_processes_at_a_run_one_is_refused(repaint, home):
     repaint(*SCRATCH)
     before = files_below(home / "run")
-    with alone_in(home / "run"):
+    with folder_lock(home / "run"):
         said = repaint("transfer", "--resume", "run", "--iterations", 3)
     assert said.code == StoreError.exit_code
     assert "run is being written by another process" in said.err

@@ -10,11 +10,11 @@ from test_resume import assert_same, rewritten
 from test_runs import SCRATCH, record_of
 
 from repaint_cli.errors import CardError, CheckpointError, StoreError, UsageError
-from repaint_cli.files.atomic import alone_in
+from repaint_cli.files.lock import folder_lock
 from repaint_cli.paths import shipped
 from repaint_cli.policies.weights import load, save
 from repaint_cli.runs import experiment, resume
-from repaint_cli.zoo.teacher_card import glance, read_card
+from repaint_cli.zoo.teacher_card import read_card, read_summary
 
 
 def spoil(path):
@@ -80,7 +80,7 @@ def test_a_file_system_without_locks_has_none(home, monkeypatch):
         raise OSError(errno.ENOLCK, "No locks available")
 
     monkeypatch.setattr("fcntl.flock", flock)
-    with alone_in(home), alone_in(home):
+    with folder_lock(home), folder_lock(home):
         pass
 
 
@@ -179,7 +179,7 @@ def test_a_long_summary_is_no_damage(repaint, home):
     tensors, card = load(path)
     card["task"]["summary"] = "long " * 20_000
     save(path, tensors, card)
-    assert glance(path).task == "reacher"
+    assert read_summary(path).task == "reacher"
 
 
 @pytest.mark.parametrize("name", ["render_mode", "max_episode_steps"])

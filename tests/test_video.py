@@ -15,17 +15,17 @@ from racer_reference import scan
 
 from repaint_cli.envs.gymnasium import film
 from repaint_cli.envs.gymnasium.film import Episode, find_renderer, frames, render_gym
+from repaint_cli.envs.racer import film as film_of_the_racer
 from repaint_cli.envs.racer.dynamics.car import FRONT_OFFSET
 from repaint_cli.envs.racer.film import (
     CAR_COLOUR,
     HEIGHT,
     MAP_WIDTH,
-    NOSE,
-    Drive,
+    FilmedEpisode,
     beam_ends,
     racer_frames,
 )
-from repaint_cli.envs.racer.sight.boxes import BEAM_X, LENGTH, WIDTH
+from repaint_cli.envs.racer.sight.boxes import BEAM_X, BOT_LENGTH, BOT_WIDTH
 from repaint_cli.errors import RenderError, StoreError
 from repaint_cli.report.video import CAPTION_HEIGHT, caption, write_video
 
@@ -107,11 +107,11 @@ def drive(n_steps=40):
     one = np.ones(n_steps)
     bots = np.tile([[-3.4, 0.0, 1.0]], (n_steps, 1, 1))
     ranges = np.tile(np.where(np.arange(64) < 32, 0.5, 1.0), (n_steps, 1))
-    return Drive(xy, heading, one * 0.7, one * -0.2, turns * 15, one, images, ranges, bots)
+    return FilmedEpisode(xy, heading, one * 0.7, one * -0.2, turns * 15, one, images, ranges, bots)
 
 
 def test_the_films_car_has_its_nose_where_the_simulators_has():
-    assert NOSE == FRONT_OFFSET
+    assert film_of_the_racer.FRONT_OFFSET == FRONT_OFFSET
 
 
 def car_pixels(frame):
@@ -120,7 +120,7 @@ def car_pixels(frame):
 
 
 def test_the_car_is_where_the_drive_says_and_the_camera_beside_it():
-    film = list(racer_frames(**OVAL, drive=drive(), title="racer"))
+    film = list(racer_frames(**OVAL, episode=drive(), title="racer"))
     assert {frame.shape for frame in film} == {(HEIGHT, 1120, 3)}
     start, end = (car_pixels(frame).mean(axis=0) for frame in (film[0], film[-1]))
     assert start[1] > 0.8 * MAP_WIDTH  # at x = 3.4 m of −3.8 … 3.8
@@ -131,8 +131,8 @@ def test_the_car_is_where_the_drive_says_and_the_camera_beside_it():
 
 
 def test_frames_are_independent_and_the_trail_grows():
-    film = list(racer_frames(**OVAL, drive=drive(), title="racer"))
-    again = list(racer_frames(**OVAL, drive=drive(), title="racer"))
+    film = list(racer_frames(**OVAL, episode=drive(), title="racer"))
+    again = list(racer_frames(**OVAL, episode=drive(), title="racer"))
     assert all((one == two).all() for one, two in zip(film, again, strict=True))
     assert len({frame[:, :MAP_WIDTH].tobytes() for frame in film}) == len(film)
 
@@ -146,7 +146,7 @@ def test_a_drive_of_unequal_lengths_is_refused():
 def test_bots_are_on_the_map_beside_the_car():
     alone = replace(drive(3), bots=np.empty((3, 0, 3)))
     with_bot, without = (
-        list(racer_frames(**OVAL, drive=one, title="racer")) for one in (drive(3), alone)
+        list(racer_frames(**OVAL, episode=one, title="racer")) for one in (drive(3), alone)
     )
     changed = np.argwhere((with_bot[0] != without[0]).any(axis=2))
     assert 50 < len(changed) < 2000
@@ -272,13 +272,13 @@ def test_a_beam_ends_where_the_simulators_meets_a_bot():
     points = state[0, :2] + (np.array(met) + lidar) @ turn.T
     turn = np.array([[np.cos(0.2), -np.sin(0.2)], [np.sin(0.2), np.cos(0.2)]])
     own = np.abs((points - behind[0, 0, :2]) @ turn)
-    on_the_hull = np.abs(own - [LENGTH / 2, WIDTH / 2]).min(axis=1)
+    on_the_hull = np.abs(own - [BOT_LENGTH / 2, BOT_WIDTH / 2]).min(axis=1)
     assert on_the_hull.max() < 1e-3
 
 
 def test_the_lidar_is_in_the_corner_of_the_picture_where_there_is_one():
     with_lidar, without = (
-        next(racer_frames(**OVAL, drive=one, title="racer"))
+        next(racer_frames(**OVAL, episode=one, title="racer"))
         for one in (drive(3), replace(drive(3), ranges=np.empty((3, 0))))
     )
     rows, columns = np.argwhere((with_lidar != without).any(axis=2)).T

@@ -39,10 +39,10 @@ def list_teachers(
 
 
 def _summary(path: Path) -> tuple[str, str, str]:
-    from repaint_cli.zoo.teacher_card import glance
+    from repaint_cli.zoo.teacher_card import read_summary
 
     try:
-        task, score, steps = glance(path)
+        task, score, steps = read_summary(path)
     except CheckpointError:
         return "damaged", "-", "-"
     text = "{:.4g} [{:.4g}, {:.4g}]".format(*score) if score else "-"

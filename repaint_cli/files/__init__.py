@@ -1,1 +1,1 @@
-"""Files on disk: written whole or not at all, read with limits; not what they say."""
+"""Files on disk, whatever their contents: written whole or not at all, read with limits."""

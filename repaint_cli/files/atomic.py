@@ -1,4 +1,4 @@
-"""Files that are whole or not there."""
+"""Files written whole or not at all."""
 
 import hashlib
 import json
@@ -12,29 +12,31 @@ from typing import Any
 from repaint_cli.errors import StoreError
 
 UMASK = os.umask(0)
-"""What the user wants others not to do with new files."""
+"""Permissions that the user withholds from new files."""
 os.umask(UMASK)
 
-UNFINISHED = ".repaint-"
-"""What names of files and folders begin with that nobody has finished yet."""
+TEMPORARY_PREFIX = ".repaint-"
+"""Of the names of files and folders that are still being written."""
 
 
 @contextmanager
-def written_whole(path: Path, *, new: bool = False) -> Iterator[Path]:
-    """Give a temporary path beside `path` to write to, and move it there only if all went well.
+def atomic_write(path: Path, *, new: bool = False) -> Iterator[Path]:
+    """Yield a temporary path beside `path`, and rename it to `path` if no error was raised.
 
     Args:
-        path: of the file; whoever reads it meets the old one or the new one, whole.
-        new: whether there must be none yet; of several who write it at once the first wins.
+        path: of the file; a reader sees the whole old file or the whole new one.
+        new: whether the file must not exist yet; of several writers at once the first wins.
 
     Raises:
-        StoreError: the folder cannot be written, the disk is full, or a file that is to be new is
-            there; `path` is as it was.
+        StoreError: the folder cannot be written, the disk is full, or a file that must not exist
+            does; `path` is as it was.
     """
     temporary = path
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(dir=path.parent, prefix=UNFINISHED, suffix=path.suffix)
+        handle, name = tempfile.mkstemp(
+            dir=path.parent, prefix=TEMPORARY_PREFIX, suffix=path.suffix
+        )
         os.close(handle)
         temporary = Path(name)
         yield temporary
@@ -42,7 +44,7 @@ def written_whole(path: Path, *, new: bool = False) -> Iterator[Path]:
             os.fsync(file.fileno())
         temporary.chmod(0o666 & ~UMASK)
         if new:
-            _link(temporary, path)
+            _link_new(temporary, path)
         else:
             os.replace(temporary, path)
         _sync_folder(path.parent)
@@ -54,8 +56,8 @@ def written_whole(path: Path, *, new: bool = False) -> Iterator[Path]:
                 temporary.unlink()
 
 
-def _link(temporary: Path, path: Path) -> None:
-    """Give a file its name, unless something has it."""
+def _link_new(temporary: Path, path: Path) -> None:
+    """Give a file its name, unless the name is taken."""
     try:
         os.link(temporary, path)
     except OSError as error:  # a file system without links cannot tell in one step
@@ -75,48 +77,11 @@ def _sync_folder(folder: Path) -> None:
 
 
 @contextmanager
-def alone_in(folder: Path) -> Iterator[None]:
-    """Hold a folder, so that of two processes that would write a run only one does.
-
-    The hold ends with the process, however that ends; where the system knows no such lock there is
-    none.
+def write_errors(path: Path) -> Iterator[None]:
+    """Raise the operating system's errors as one that names the file or folder.
 
     Raises:
-        StoreError: another process holds it.
-    """
-    handle = _held(folder)
-    try:
-        yield
-    finally:
-        if handle is not None:
-            os.close(handle)
-
-
-def _held(folder: Path) -> int | None:
-    """Return what holds a folder; None where the system or its file system knows no such lock."""
-    try:
-        import fcntl
-    except ImportError:  # not on Windows
-        return None
-    with written_to(folder):
-        handle = os.open(folder, os.O_RDONLY)
-    try:
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError as error:
-        os.close(handle)
-        raise StoreError(f"{folder} is being written by another process; wait for it") from error
-    except OSError:
-        os.close(handle)
-        return None
-    return handle
-
-
-@contextmanager
-def written_to(path: Path) -> Iterator[None]:
-    """Say which file or folder cannot be changed.
-
-    Raises:
-        StoreError: it cannot.
+        StoreError: the file or folder cannot be changed.
     """
     try:
         yield
@@ -125,8 +90,12 @@ def written_to(path: Path) -> Iterator[None]:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a small text file, whole or not at all."""
-    with written_whole(path) as temporary:
+    """Write a small text file, whole or not at all.
+
+    Raises:
+        StoreError: the file cannot be written; `path` is as it was.
+    """
+    with atomic_write(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
 
 
@@ -136,10 +105,10 @@ def as_json(record: Mapping[str, Any]) -> str:
 
 
 def check_writable(folder: Path) -> None:
-    """Check that files can be made in a folder; make it where it is absent.
+    """Check that files can be created in a folder; create the folder where it is absent.
 
     Raises:
-        StoreError: they cannot.
+        StoreError: no folder or file can be created there.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -150,6 +119,6 @@ def check_writable(folder: Path) -> None:
 
 
 def sha256(path: Path) -> str:
-    """Return a file's hash."""
+    """Return the SHA-256 of a file's bytes, in hexadecimal."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()

@@ -1,4 +1,4 @@
-"""A safetensors file's JSON header, without its tensors."""
+"""Files of weights in the safetensors format, and the JSON header that they carry."""
 
 import json
 import os
@@ -10,17 +10,17 @@ from typing import Any
 
 from safetensors import SafetensorError, safe_open
 
-from repaint_cli.errors import CheckpointError
-from repaint_cli.files.limits import LARGEST, check_file, parsed
+from repaint_cli.errors import CheckpointError, DamagedFile, reported_as
+from repaint_cli.files.limits import MAX_BYTES, check_file, parse
 
 KEY = "repaint"
-"""Where our JSON stands in a safetensors header."""
+"""Of our JSON in a safetensors header."""
 
 HASH = "sha256"
-"""Where in our JSON the hash of all that a file holds stands."""
+"""Of the hash of the file's contents, in our JSON."""
 
-GLIMPSE = 2**16
-"""Bytes in which a teacher's header has room, many times over."""
+PEEK_BYTES = 2**16
+"""Far more than a teacher's header has."""
 
 _JSON = json.JSONDecoder()
 
@@ -31,14 +31,14 @@ def read_header(path: Path) -> dict[str, Any]:
     Raises:
         CheckpointError: the file is absent, damaged, or not one of ours.
     """
-    with opened(path, "numpy") as file:
+    with open_weights(path, "numpy") as file:
         return header_of(path, file)[0]
 
 
-def glimpse(path: Path) -> dict[str, Any]:
+def peek_header(path: Path) -> dict[str, Any]:
     """Read a safetensors file's JSON header quickly and unchecked, for a list of thousands.
 
-    A file that is not whole may pass; `read_header` is for all that is more than shown.
+    A file that is not whole may pass; use `read_header` for more than display.
 
     Raises:
         CheckpointError: there is no regular file, or no such header in its first 64 KiB.
@@ -61,7 +61,7 @@ def _start_of(path: Path) -> bytes:
     try:
         if not stat.S_ISREG(os.fstat(handle).st_mode):
             raise OSError(f"{path} is no regular file")
-        return os.read(handle, GLIMPSE)
+        return os.read(handle, PEEK_BYTES)
     finally:
         os.close(handle)
 
@@ -72,12 +72,12 @@ def read_hash(path: Path) -> str | None:
     Raises:
         CheckpointError: the file is absent or damaged.
     """
-    with opened(path, "numpy") as file:
+    with open_weights(path, "numpy") as file:
         return header_of(path, file)[1]
 
 
 @contextmanager
-def opened(path: Path, framework: str) -> Iterator[Any]:
+def open_weights(path: Path, framework: str) -> Iterator[Any]:
     """Open a safetensors file.
 
     Raises:
@@ -85,13 +85,14 @@ def opened(path: Path, framework: str) -> Iterator[Any]:
     """
     if not os.path.exists(path):  # which takes any name
         raise CheckpointError(f"expected a safetensors file at {path}, found none")
-    check_file(path, CheckpointError)
+    with reported_as(CheckpointError):
+        check_file(path)
     try:
         with path.open("rb") as start:  # whose parser takes several times its length in memory
             length = int.from_bytes(start.read(8), "little")
-        if length > LARGEST:
+        if length > MAX_BYTES:
             raise CheckpointError(
-                f"{path} is not a whole safetensors file (a header of more than {LARGEST:,} "
+                f"{path} is not a whole safetensors file (a header of more than {MAX_BYTES:,} "
                 "bytes); copy or train it again"
             )
         with safe_open(path, framework=framework) as file:
@@ -103,16 +104,16 @@ def opened(path: Path, framework: str) -> Iterator[Any]:
 
 
 def header_of(path: Path, file: Any) -> tuple[dict[str, Any], str | None]:
-    """Return our JSON from an opened file's header, and the hash in it; None before 0.1.0.
+    """Return our JSON from an open file's header, and the hash in it; None before 0.1.0.
 
     Raises:
-        CheckpointError: there is none.
+        CheckpointError: the header has no JSON of ours, or one that cannot be read.
     """
     text = (file.metadata() or {}).get(KEY)
     foreign = f"{path} was not written by repaint: its header has no '{KEY}' JSON"
     try:
-        header = parsed(text, "the header", CheckpointError) if text else None
-    except CheckpointError as error:
+        header = parse(text, "the header") if text else None
+    except DamagedFile as error:
         raise CheckpointError(f"{foreign} that can be read: {error}") from error
     if not isinstance(header, dict):
         raise CheckpointError(foreign)

@@ -1,7 +1,8 @@
 """Files that somebody else may have written, read with limits.
 
 A regular file of so many bytes, in UTF-8, so many values and so deep: then nothing that comes after
-runs out of memory, of stack or of patience.
+runs out of memory, stack or time. A file that breaks a limit is a `DamagedFile`; callers raise it
+as the error of what the file is, with `errors.reported_as`.
 """
 
 import json
@@ -11,131 +12,133 @@ from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any, TextIO
 
-from repaint_cli.errors import RepaintError
+from repaint_cli.errors import DamagedFile
 
-LARGEST, LARGEST_CARD, LARGEST_TABLE = 8 * 2**20, 2**16, 2**26
-"""Bytes of a JSON text or a track, of a card, and of a table, which is read line by line."""
-MOST_VALUES, MOST_CELLS = 100_000, 4_000_000
+MAX_BYTES, MAX_TOML_BYTES, MAX_TABLE_BYTES = 8 * 2**20, 2**16, 2**26
+"""Of a JSON text or a track, of a TOML text, and of a table, which is read line by line."""
+MAX_VALUES, MAX_CELLS = 100_000, 4_000_000
 """Of a JSON text and of a table: what they take in memory is many times their text."""
-DEEPEST = 32
+MAX_DEPTH = 32
 """Lists and objects within one another."""
-LONGEST_LINE = 2**16
+MAX_LINE = 2**16
 """Of a table, in characters."""
 
 _PART = r"""(?:"(?:[^"\\\n]|\\.){0,99}"|'[^'\n]{0,99}'|[\w-]+)[ \t]*\.[ \t]*"""
-_DEEP_KEY = re.compile(rf"(?<![\w-])(?:{_PART}){{{DEEPEST}}}")
+_DEEP_KEY = re.compile(rf"(?<![\w-])(?:{_PART}){{{MAX_DEPTH}}}")
 """A TOML key a.b.c of so many parts takes the parser time by the square of their number."""
 
 
-def read_bytes(path: Path, error: type[RepaintError], most: int = LARGEST) -> bytes:
+def read_bytes(path: Path, max_bytes: int = MAX_BYTES) -> bytes:
     """Read a small file.
 
-    Args:
-        path: where.
-        error: what to raise.
-        most: bytes it may have.
-
     Raises:
-        RepaintError: there is no regular file, it is larger, or it cannot be read; of kind `error`.
+        DamagedFile: there is no regular file, or the file is too large or cannot be read.
     """
-    check_file(path, error, most)
+    check_file(path, max_bytes)
     try:
         with path.open("rb") as file:
-            data = file.read(most + 1)
-    except OSError as problem:
-        raise error(f"cannot read {path!s:.500}: {problem.strerror}") from problem
-    if len(data) > most:  # it has grown meanwhile
-        raise error(_too_large(path, len(data), most))
+            data = file.read(max_bytes + 1)
+    except OSError as error:
+        raise DamagedFile(f"cannot read {path!s:.500}: {error.strerror}") from error
+    if len(data) > max_bytes:  # the file has grown meanwhile
+        raise DamagedFile(_too_large(path, len(data), max_bytes))
     return data
 
 
-def check_file(path: Path, error: type[RepaintError], most: int | None = None) -> None:
+def check_file(path: Path, max_bytes: int | None = None) -> None:
     """Check that there is a regular file, and that it is no larger than so many bytes.
 
     Raises:
-        RepaintError: there is none: a folder, a pipe and a device are not read; of kind `error`.
+        DamagedFile: there is no file or a folder, pipe or device, or the file is too large.
     """
     try:
-        found, size = path.is_file(), path.stat().st_size
-    except (OSError, ValueError) as problem:  # of a name that no file can have
-        reason = getattr(problem, "strerror", None) or problem
-        raise error(f"cannot read {path!s:.500}: {reason}") from problem
-    if not found:
-        raise error(f"cannot read {path!s:.500}: expected a regular file, found something else")
-    if most is not None and size > most:
-        raise error(_too_large(path, size, most))
+        is_file, size = path.is_file(), path.stat().st_size
+    except (OSError, ValueError) as error:  # ValueError: a name that no file can have
+        reason = getattr(error, "strerror", None) or error
+        raise DamagedFile(f"cannot read {path!s:.500}: {reason}") from error
+    if not is_file:
+        raise DamagedFile(
+            f"cannot read {path!s:.500}: expected a regular file, found something else"
+        )
+    if max_bytes is not None and size > max_bytes:
+        raise DamagedFile(_too_large(path, size, max_bytes))
 
 
-def _too_large(path: Path, size: int, most: int) -> str:
-    return f"cannot read {path!s:.500}: expected at most {most:,} bytes, found {size:,}"
+def _too_large(path: Path, size: int, max_bytes: int) -> str:
+    return f"cannot read {path!s:.500}: expected at most {max_bytes:,} bytes, found {size:,}"
 
 
-def read_text(path: Path, error: type[RepaintError], most: int = LARGEST) -> str:
-    """Read a small text; see `read_bytes`.
+def read_text(path: Path, max_bytes: int = MAX_BYTES) -> str:
+    """Read a small text.
 
     Raises:
-        RepaintError: it cannot be read, or is not UTF-8; of kind `error`.
+        DamagedFile: the file cannot be read, is too large, or is not UTF-8.
     """
     try:
-        return read_bytes(path, error, most).decode()
-    except UnicodeDecodeError as problem:
-        raise error(
-            f"cannot read {path!s:.500}: expected UTF-8, found other bytes: {problem}"
+        return read_bytes(path, max_bytes).decode()
+    except UnicodeDecodeError as error:
+        raise DamagedFile(
+            f"cannot read {path!s:.500}: expected UTF-8, found other bytes: {error}"
         ) from None
 
 
-def read_json(path: Path, error: type[RepaintError]) -> Any:
-    """Read a JSON text; see `parsed`."""
-    return parsed(read_text(path, error), str(path), error)
+def read_json(path: Path) -> Any:
+    """Read a JSON file.
+
+    Raises:
+        DamagedFile: the file cannot be read, or `parse` refuses its text.
+    """
+    return parse(read_text(path), str(path))
 
 
-def read_card(path: Path, error: type[RepaintError]) -> dict[str, Any]:
-    """Read a TOML text; see `parsed`."""
-    text = read_text(path, error, LARGEST_CARD).replace("\r\n", "\n")
+def read_toml(path: Path) -> dict[str, Any]:
+    """Read a TOML file.
+
+    Raises:
+        DamagedFile: the file cannot be read, or `parse` refuses its text.
+    """
+    text = read_text(path, MAX_TOML_BYTES).replace("\r\n", "\n")
     if _DEEP_KEY.search(text):
-        raise error(f"{path}: expected at most {DEEPEST} parts in a key, found more")
-    data: dict[str, Any] = parsed(text, str(path), error, tomllib.loads)
+        raise DamagedFile(f"{path}: expected at most {MAX_DEPTH} parts in a key, found more")
+    data: dict[str, Any] = parse(text, str(path), tomllib.loads)
     return data
 
 
-def parsed(
-    text: str, where: str, error: type[RepaintError], parse: Callable[[str], Any] = json.loads
-) -> Any:
-    """Return what a JSON or TOML text says.
+def parse(text: str, where: str, parser: Callable[[str], Any] = json.loads) -> Any:
+    """Return the values of a JSON or TOML text.
 
     Args:
-        text: it.
-        where: it stands, for messages.
-        error: what to raise.
-        parse: its parser.
+        text: of the file, or of a part of it.
+        where: the name of that place, for messages.
+        parser: of its format.
 
     Raises:
-        RepaintError: it is malformed, too deep or too much, or holds a whole number beyond 64 bits
-            or half a character; of kind `error`.
+        DamagedFile: the text is malformed, has too many levels or values, or holds an integer
+            beyond 64 bits or half a character.
     """
-    if sum(map(text.count, "[{,")) > MOST_VALUES:
-        raise error(f"{where}: expected at most {MOST_VALUES:,} values, found more")
+    if sum(map(text.count, "[{,")) > MAX_VALUES:
+        raise DamagedFile(f"{where}: expected at most {MAX_VALUES:,} values, found more")
     try:
-        found = parse(text)
-        _check_values(found)
+        data = parser(text)
+        _check_values(data)
     except RecursionError:
-        raise error(f"{where}: expected at most {DEEPEST} levels, found more") from None
-    except ValueError as problem:
-        raise error(f"{where}: {problem}") from problem
-    return found
+        raise DamagedFile(f"{where}: expected at most {MAX_DEPTH} levels, found more") from None
+    except ValueError as error:
+        raise DamagedFile(f"{where}: {error}") from error
+    return data
 
 
-def _check_values(found: Any) -> None:
-    """Refuse what would break whoever works with it.
+def _check_values(data: Any) -> None:
+    """Refuse values that other code could not handle.
 
     Raises:
-        ValueError: saying what it is.
+        ValueError: there are too many levels, an integer beyond 64 bits, or a lone surrogate.
     """
-    layer, depth = [found], 0
+    layer, depth = [data], 0
     while layer:
         depth += 1
-        if depth > DEEPEST:
-            raise ValueError(f"expected at most {DEEPEST} levels, found more")
+        if depth > MAX_DEPTH:
+            raise ValueError(f"expected at most {MAX_DEPTH} levels, found more")
         for value in layer:
             if isinstance(value, int) and value.bit_length() > 64:
                 raise ValueError("expected numbers of at most 64 bits, found a larger one")
@@ -145,28 +148,25 @@ def _check_values(found: Any) -> None:
         layer = [part for v in inner for part in ((*v, *v.values()) if isinstance(v, dict) else v)]
 
 
-def read_rows(
-    path: Path, error: type[RepaintError], needed: Iterable[str]
-) -> Iterator[dict[str, str]]:
+def read_rows(path: Path, columns: Iterable[str]) -> Iterator[dict[str, str]]:
     """Yield a table's rows by column: CSV without quotes, a row a line, read one by one.
 
     Args:
-        path: where.
-        error: what to raise.
-        needed: columns that it must have, beside any others.
+        path: of the file.
+        columns: that the table must have, beside any others.
 
     Raises:
-        RepaintError: the file cannot be read, is too much, lacks a column, or a row has other
-            columns than the first; of kind `error`.
+        DamagedFile: the file cannot be read, is too large, lacks a column, or has a row with
+            more or fewer cells than the first.
     """
-    check_file(path, error, LARGEST_TABLE)
+    check_file(path, MAX_TABLE_BYTES)
     try:
         with path.open(encoding="utf-8") as file:
             names = _cells(file)
-            absent = [name for name in needed if names.count(name) != 1]
+            absent = [name for name in columns if names.count(name) != 1]
             if absent:
                 raise ValueError(f"expected one column '{absent[0]}', found {len(names)} others")
-            for number in range(MOST_CELLS // len(names)):
+            for number in range(MAX_CELLS // len(names)):
                 cells = _cells(file)
                 if not cells:
                     return
@@ -175,18 +175,18 @@ def read_rows(
                         f"expected {len(names)} cells, found {len(cells)} in row {number + 1}"
                     )
                 yield dict(zip(names, cells, strict=True))
-        raise ValueError(f"expected at most {MOST_CELLS:,} cells, found more")
-    except (OSError, ValueError) as problem:
-        raise error(f"cannot read {path!s:.500}: {problem}") from problem
+        raise ValueError(f"expected at most {MAX_CELLS:,} cells, found more")
+    except (OSError, ValueError) as error:
+        raise DamagedFile(f"cannot read {path!s:.500}: {error}") from error
 
 
 def _cells(file: TextIO) -> list[str]:
     """Return a line's cells; none at the end.
 
     Raises:
-        ValueError: it is too long.
+        ValueError: the line is too long.
     """
-    line = file.readline(LONGEST_LINE)
-    if len(line) == LONGEST_LINE:
-        raise ValueError(f"expected lines of less than {LONGEST_LINE:,} characters, found a longer")
+    line = file.readline(MAX_LINE)
+    if len(line) == MAX_LINE:
+        raise ValueError(f"expected lines of less than {MAX_LINE:,} characters, found a longer")
     return line.rstrip("\n").split(",") if line else []

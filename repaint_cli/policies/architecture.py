@@ -12,8 +12,8 @@ Convolution = tuple[PositiveInt, PositiveInt, PositiveInt]
 
 
 @dataclass(frozen=True)
-class Eyes:
-    """The convolutions of a camera network."""
+class ConvTorso:
+    """The convolutions between an image and the dense layers."""
 
     layers: tuple[Convolution, ...]
     """(filters, kernel, stride) of each."""
@@ -23,10 +23,10 @@ class Eyes:
     """Width of a dense layer behind them, if any."""
 
 
-EYES = {
-    "3-layer": Eyes(((32, 8, 4), (64, 4, 2), (64, 3, 1))),
-    "4-layer": Eyes(((32, 5, 2), (32, 3, 1), (64, 3, 2), (64, 3, 1)), tanh=True, dense=64),
-    "5-layer": Eyes(((32, 3, 1), (64, 3, 2), (64, 3, 1), (128, 3, 2), (128, 3, 1))),
+CONV_TORSOS = {
+    "3-layer": ConvTorso(((32, 8, 4), (64, 4, 2), (64, 3, 1))),
+    "4-layer": ConvTorso(((32, 5, 2), (32, 3, 1), (64, 3, 2), (64, 3, 1)), tanh=True, dense=64),
+    "5-layer": ConvTorso(((32, 3, 1), (64, 3, 2), (64, 3, 1), (128, 3, 2), (128, 3, 1))),
 }
 """DeepRacer's three camera networks, which the paper names by their number of layers."""
 
@@ -55,13 +55,13 @@ class NetConfig(Settings):
     shared: bool = False
     """Whether policy and critic share the convolutions."""
 
-    def widths(self, tower: Literal["policy", "value"]) -> tuple[int, ...]:
+    def widths(self, network: Literal["policy", "value"]) -> tuple[int, ...]:
         """Return the widths of the dense layers of an `mlp`'s policy or critic."""
-        if tower == "policy" or self.value_hidden is None:
+        if network == "policy" or self.value_hidden is None:
             return self.hidden
         return self.value_hidden
 
     @property
-    def eyes(self) -> Eyes:
+    def conv_torso(self) -> ConvTorso:
         """The convolutions of a `cnn`."""
-        return EYES[self.conv] if isinstance(self.conv, str) else Eyes(self.conv)
+        return CONV_TORSOS[self.conv] if isinstance(self.conv, str) else ConvTorso(self.conv)

@@ -1,7 +1,7 @@
-"""What a policy is at a state: a diagonal Gaussian or a categorical distribution over actions.
+"""A policy at a state: a diagonal Gaussian or a categorical distribution over actions.
 
 Shapes: S seeds, B samples, A action size (Gaussian) or number of actions (categorical). Randomness
-comes in as `noise`, so that every seed owns its generator and a sample is a function.
+is an argument, `noise`, so that every seed has its own generator and sampling is a pure function.
 """
 
 from collections.abc import Sequence
@@ -63,7 +63,7 @@ class Gaussian:
 
     @staticmethod
     def noise(rng: np.random.Generator, shape: tuple[int, ...]) -> np.ndarray:
-        """Draw what `sample` needs."""
+        """Draw the noise that `sample` takes."""
         return rng.standard_normal(shape, dtype=np.float32)
 
     def __getitem__(self, rows: tuple[Tensor, Tensor]) -> "Gaussian":
@@ -115,7 +115,7 @@ class Categorical:
 
     @staticmethod
     def noise(rng: np.random.Generator, shape: tuple[int, ...]) -> np.ndarray:
-        """Draw what `sample` needs."""
+        """Draw the noise that `sample` takes."""
         return rng.gumbel(size=shape).astype(np.float32)
 
     def __getitem__(self, rows: tuple[Tensor, Tensor]) -> "Categorical":
@@ -125,8 +125,8 @@ class Categorical:
 Distribution: TypeAlias = Gaussian | Categorical
 
 
-def joined(parts: Sequence[Distribution]) -> Distribution:
-    """Return what one policy is at the samples of all parts, (S, ΣB), without its gradients."""
+def concat_samples(parts: Sequence[Distribution]) -> Distribution:
+    """Return one policy at the samples of all parts, (S, ΣB), without gradients."""
     first = parts[0]
     if isinstance(first, Gaussian):
         means = [part.mean for part in parts if isinstance(part, Gaussian)]
@@ -135,17 +135,17 @@ def joined(parts: Sequence[Distribution]) -> Distribution:
     return Categorical(torch.cat(log_probs, 1).detach())
 
 
-def side_by_side(parts: Sequence[Distribution]) -> Distribution:
-    """Return what several policies are, each at samples of its own, (S, ΣB)."""
-    whole = joined(parts)
+def concat_policies(parts: Sequence[Distribution]) -> Distribution:
+    """Return several policies, each at its own samples, (S, ΣB)."""
+    whole = concat_samples(parts)
     if isinstance(whole, Categorical):
         return whole
-    spreads = [part.log_std.expand_as(part.mean) for part in parts if isinstance(part, Gaussian)]
-    return Gaussian(whole.mean, torch.cat(spreads, 1))
+    log_stds = [part.log_std.expand_as(part.mean) for part in parts if isinstance(part, Gaussian)]
+    return Gaussian(whole.mean, torch.cat(log_stds, 1))
 
 
-def blend(parts: Sequence[Distribution], weights: Tensor) -> Distribution:
-    """Return the distribution T that stands for several teachers at the same samples, (S, B).
+def mixture(parts: Sequence[Distribution], weights: Tensor) -> Distribution:
+    """Return the distribution T that replaces several teachers at the same samples, (S, B).
 
         Σᵢ βᵢ·H(Tᵢ‖π) = (Σᵢ βᵢ)·H(T‖π)   for every π of the family      (paper, equation 5)
 

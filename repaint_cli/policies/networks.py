@@ -7,44 +7,28 @@ the optimiser's step.
 """
 
 import warnings
-from collections.abc import Generator, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
 from functools import reduce
-from math import inf, prod, sqrt
+from math import inf, prod
 from operator import add
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import torch
 import torch.nn.functional as F  # noqa: N812
 from torch import Tensor
 
-from repaint_cli.errors import CardError
 from repaint_cli.policies.architecture import NetConfig
 from repaint_cli.policies.distributions import Categorical, Distribution, Gaussian
 from repaint_cli.policies.normalizer import Normalizer
+from repaint_cli.policies.parameters import LIDAR_WIDTHS, NetworkName, leaves_of, orthogonal
 from repaint_cli.policies.spaces import Spaces
 
-Tower = Literal["policy", "value"]
-
 ACTIVATIONS = {"tanh": torch.tanh, "relu": torch.relu, "elu": F.elu}
-"""What may follow a dense layer, by its name on a card."""
-
-LIDAR = (256, 256)
-"""Widths of the ReLU layers that read a lidar, beside the convolutions."""
+"""Of dense layers, by name on a card."""
 
 # The gradients are views into one buffer on purpose: one fill zeroes them, one row is a seed's.
 warnings.filterwarnings("ignore", message="grad and param do not obey the gradient layout contract")
-
-
-@dataclass(frozen=True)
-class Leaf:
-    """One parameter of the network, before it has a place."""
-
-    name: str
-    shape: tuple[int, ...]
-    gain: float
-    """Scale of the orthogonal initialisation; 0 is all zeros."""
 
 
 class ActorCritic:
@@ -55,17 +39,19 @@ class ActorCritic:
 
     def __init__(self, spaces: Spaces, net: NetConfig, n_seeds: int) -> None:
         self.spaces, self.net, self.n_seeds = spaces, net, n_seeds
-        towers = leaves_of(spaces, net)
-        self.leaves = towers["policy"] + towers["value"]
-        self.n_policy = sum(prod(leaf.shape) for leaf in towers["policy"])
+        leaves = leaves_of(spaces, net)
+        self.leaves = leaves["policy"] + leaves["value"]
+        self.n_policy = sum(prod(leaf.shape) for leaf in leaves["policy"])
         total = sum(prod(leaf.shape) for leaf in self.leaves)
         self.storage = torch.zeros(n_seeds, total)
         self.gradients = torch.zeros(n_seeds, total)
         self.weights = dict(self._views())
-        self._own = dict(self._seed_by_seed()) if spaces.image else {}
+        self._seed_weights = dict(self._split_by_seed()) if spaces.image else {}
         clip = inf if net.obs_clip == "none" else net.obs_clip
-        vector = (n_seeds, spaces.obs_shape[0], clip, net.obs_min_std)
-        self.normalizer = None if spaces.image else Normalizer(*vector)
+        self.normalizer = (
+            None if spaces.image
+            else Normalizer(n_seeds, spaces.obs_shape[0], clip, net.obs_min_std)
+        )  # fmt: skip
 
     def _views(self) -> Iterator[tuple[str, Tensor]]:
         start = 0
@@ -77,8 +63,8 @@ class ActorCritic:
             yield leaf.name, weight
             start = stop
 
-    def _seed_by_seed(self) -> Iterator[tuple[str, list[Tensor]]]:
-        """Name each seed's own parameters: a stacked one's row costs a copy of all, backwards."""
+    def _split_by_seed(self) -> Iterator[tuple[str, list[Tensor]]]:
+        """Yield each parameter seed by seed: the gradient of a row would be a copy of all rows."""
         for name, stacked in self.weights.items():
             assert stacked.grad is not None
             rows = [row.detach().requires_grad_() for row in stacked.detach()]
@@ -91,7 +77,7 @@ class ActorCritic:
         for leaf in self.leaves:
             for s, rng in enumerate(rngs):
                 if leaf.gain:
-                    drawn = torch.from_numpy(_orthogonal(rng, leaf.shape, leaf.gain))
+                    drawn = torch.from_numpy(orthogonal(rng, leaf.shape, leaf.gain))
                     self.weights[leaf.name].data[s] = drawn
 
     def policy(self, obs: Any, counts: Sequence[int] | None = None) -> Distribution:
@@ -100,7 +86,7 @@ class ActorCritic:
         Args:
             obs: observations, or {"camera": …, "lidar": …}; each seed's first `counts[s]` are real,
                 the rest is padding.
-            counts: how many are real, (S,); all where absent. Images beyond are not looked at.
+            counts: how many are real, (S,); all where absent. Padding of images is not computed.
         """
         out = self._forward("policy", obs, counts)
         if self.spaces.discrete:
@@ -108,58 +94,68 @@ class ActorCritic:
         return Gaussian(out, self.weights["policy.log_std"].unsqueeze(1))
 
     def q_values(self, obs: Any, counts: Sequence[int] | None = None) -> Tensor:
-        """Return Q(s, ·), (S, B, A): what a policy over numbered actions has as its logits."""
+        """Return Q(s, ·), (S, B, A): the logits of a policy over numbered actions."""
         return self._forward("policy", obs, counts)
 
     def value(self, obs: Any, counts: Sequence[int] | None = None) -> Tensor:
         """Return V(s), (S, B), for raw observations (S, B, *O); see `policy`."""
         return self._forward("value", obs, counts).squeeze(-1)
 
-    def _forward(self, tower: Tower, obs: Any, counts: Sequence[int] | None) -> Tensor:
+    def _forward(self, network: NetworkName, obs: Any, counts: Sequence[int] | None) -> Tensor:
+        """Return the outputs of the policy's or the critic's head, (S, B, heads)."""
         if self.normalizer is None:
-            return self._convolve(tower, obs, counts)
-        x, bend = self.normalizer.normalize(obs), ACTIVATIONS[self.net.activation]
-        for layer in range(len(self.net.widths(tower))):
-            x = bend(self._dense(x, f"{tower}.{layer}"))
-        return self._dense(x, f"{tower}.head")
+            return self._cnn(network, obs, counts)
+        x, activation = self.normalizer.normalize(obs), ACTIVATIONS[self.net.activation]
+        for layer in range(len(self.net.widths(network))):
+            x = activation(self._dense(x, f"{network}.{layer}"))
+        return self._dense(x, f"{network}.head")
 
     def _dense(self, x: Tensor, name: str) -> Tensor:
         weight, bias = self.weights[f"{name}.weight"], self.weights[f"{name}.bias"]
         return torch.baddbmm(bias.unsqueeze(1), x, weight)
 
-    def _convolve(self, tower: Tower, obs: Any, counts: Sequence[int] | None) -> Tensor:
+    def _cnn(self, network: NetworkName, obs: Any, counts: Sequence[int] | None) -> Tensor:
         """Run the camera network seed by seed: grouped convolutions measured slower."""
         images, ranges = (obs["camera"], obs["lidar"]) if self.spaces.n_beams else (obs, None)
-        outs, most = [], images.shape[1]
+        outs, n_samples = [], images.shape[1]
         for s in range(self.n_seeds):
-            n = most if counts is None else counts[s]
-            beside = None if ranges is None else ranges[s, :n]
-            out = self._see(tower, s, images[s, :n], beside)
-            outs.append(F.pad(out, (0, 0, 0, most - out.shape[0])))
+            n = n_samples if counts is None else counts[s]
+            seed_ranges = None if ranges is None else ranges[s, :n]
+            out = self._seed_cnn(network, s, images[s, :n], seed_ranges)
+            outs.append(F.pad(out, (0, 0, 0, n_samples - n)))
         return torch.stack(outs)  # (S, B, heads)
 
-    def _see(self, tower: Tower, s: int, images: Tensor, ranges: Tensor | None) -> Tensor:
-        eyes, shape = "policy" if self.net.shared else tower, self.net.eyes
-        bend = torch.tanh if shape.tanh else torch.relu
-        x = brightness(images, self.net.pool)
-        for layer, (_, _, stride) in enumerate(shape.layers):
-            name = f"{eyes}.conv{layer}"
-            x = bend(
-                F.conv2d(x, self._own[f"{name}.weight"][s], self._own[f"{name}.bias"][s], stride)
-            )
-        x = x.flatten(1)
-        if shape.dense:
-            x = bend(self._dense_of(s, x, f"{eyes}.embed"))
+    def _seed_cnn(
+        self, network: NetworkName, s: int, images: Tensor, ranges: Tensor | None
+    ) -> Tensor:
+        """Return one seed's outputs (B, heads) for images (B, H, W, C) and ranges (B, beams)."""
+        torso = "policy" if self.net.shared else network
+        x = self._conv_torso(torso, s, images)
         if ranges is not None:
-            near = 1 - ranges  # nothing within a metre is 0
-            for layer in range(len(LIDAR)):
-                near = torch.relu(self._dense_of(s, near, f"{eyes}.lidar{layer}"))
-            x = torch.cat([x, near], 1)
-        x = torch.relu(self._dense_of(s, x, f"{tower}.dense"))
-        return self._dense_of(s, x, f"{tower}.head")
+            y = 1 - ranges  # so that a beam that meets nothing is 0
+            for layer in range(len(LIDAR_WIDTHS)):
+                y = torch.relu(self._seed_dense(s, y, f"{torso}.lidar{layer}"))
+            x = torch.cat([x, y], 1)
+        x = torch.relu(self._seed_dense(s, x, f"{network}.dense"))
+        return self._seed_dense(s, x, f"{network}.head")
 
-    def _dense_of(self, s: int, x: Tensor, name: str) -> Tensor:
-        return torch.addmm(self._own[f"{name}.bias"][s], x, self._own[f"{name}.weight"][s])
+    def _conv_torso(self, network: NetworkName, s: int, images: Tensor) -> Tensor:
+        """Return one seed's features (B, n) of images (B, H, W, C)."""
+        torso = self.net.conv_torso
+        activation = torch.tanh if torso.tanh else torch.relu
+        x = brightness(images, self.net.pool)
+        for layer, (_, _, stride) in enumerate(torso.layers):
+            name = f"{network}.conv{layer}"
+            weight, bias = self._seed_weights[f"{name}.weight"], self._seed_weights[f"{name}.bias"]
+            x = activation(F.conv2d(x, weight[s], bias[s], stride))
+        x = x.flatten(1)
+        if torso.dense:
+            x = activation(self._seed_dense(s, x, f"{network}.embed"))
+        return x
+
+    def _seed_dense(self, s: int, x: Tensor, name: str) -> Tensor:
+        weight, bias = self._seed_weights[f"{name}.weight"], self._seed_weights[f"{name}.bias"]
+        return torch.addmm(bias[s], x, weight[s])
 
 
 def brightness(images: Tensor, pool: int) -> Tensor:
@@ -172,79 +168,3 @@ def brightness(images: Tensor, pool: int) -> Tensor:
     x = reduce(add, [x[..., i:height:pool, :] for i in range(pool)])
     x = reduce(add, [x[..., i:width:pool] for i in range(pool)])
     return x / (255 * pool * pool)
-
-
-def leaves_of(spaces: Spaces, net: NetConfig) -> dict[Tower, list[Leaf]]:
-    """Return the parameters of a policy and of a critic, in order, before there are any.
-
-    Raises:
-        CardError: the networks do not read what the task gives.
-    """
-    if (net.kind == "cnn") != spaces.image:
-        wanted = "an image" if net.kind == "cnn" else "a vector"
-        raise CardError(f"net.kind '{net.kind}' reads {wanted}, the task gives {spaces}")
-    towers: tuple[Tower, Tower] = ("policy", "value")
-    return {tower: list(_tower(tower, spaces, net)) for tower in towers}
-
-
-def _tower(tower: Tower, spaces: Spaces, net: NetConfig) -> Iterator[Leaf]:
-    """Name the parameters of a policy or a critic, in order."""
-    if spaces.image:
-        size = yield from _eyes(tower, spaces, net)
-        yield from _layer(f"{tower}.dense", size, net.dense, sqrt(2))
-        size = net.dense
-    else:
-        size = spaces.obs_shape[0]
-        for layer, width in enumerate(net.widths(tower)):
-            yield from _layer(f"{tower}.{layer}", size, width, sqrt(2))
-            size = width
-    if tower == "value":
-        yield from _layer("value.head", size, 1, 1.0)
-    else:
-        yield from _layer("policy.head", size, spaces.n_actions, 0.01)
-        if not spaces.discrete:
-            yield Leaf("policy.log_std", (spaces.n_actions,), 0.0)
-
-
-def _eyes(tower: str, spaces: Spaces, net: NetConfig) -> Generator[Leaf, None, int]:
-    """Name the convolutions and return how many numbers they put out."""
-    height, width, channels = spaces.obs_shape
-    height, width = height // net.pool, width // net.pool
-    own = tower == "policy" or not net.shared
-    for layer, (filters, kernel, stride) in enumerate(net.eyes.layers):
-        if own:
-            yield Leaf(f"{tower}.conv{layer}.weight", (filters, channels, kernel, kernel), sqrt(2))
-            yield Leaf(f"{tower}.conv{layer}.bias", (filters,), 0.0)
-        height, width = (height - kernel) // stride + 1, (width - kernel) // stride + 1
-        channels = filters
-        if min(height, width) < 1:
-            raise CardError(
-                f"net.conv layer {layer} needs a larger image: {spaces} at net.pool {net.pool}"
-            )
-    size = channels * height * width
-    if net.eyes.dense:
-        if own:
-            yield from _layer(f"{tower}.embed", size, net.eyes.dense, sqrt(2))
-        size = net.eyes.dense
-    if not spaces.n_beams:
-        return size
-    n_in = spaces.n_beams
-    for layer, width in enumerate(LIDAR):
-        if own:
-            yield from _layer(f"{tower}.lidar{layer}", n_in, width, sqrt(2))
-        n_in = width
-    return size + n_in
-
-
-def _layer(name: str, n_in: int, n_out: int, gain: float) -> Iterator[Leaf]:
-    yield Leaf(f"{name}.weight", (n_in, n_out), gain)
-    yield Leaf(f"{name}.bias", (n_out,), 0.0)
-
-
-def _orthogonal(rng: np.random.Generator, shape: tuple[int, ...], gain: float) -> np.ndarray:
-    """Return a matrix with orthogonal rows or columns, times gain; a filter is a row."""
-    rows, columns = (shape[0], prod(shape[1:]))
-    drawn = rng.standard_normal((max(rows, columns), min(rows, columns)))
-    q, r = np.linalg.qr(drawn)
-    q = q * np.sign(np.diag(r))
-    return (gain * (q if rows >= columns else q.T)).reshape(shape).astype(np.float32)

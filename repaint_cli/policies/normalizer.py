@@ -1,4 +1,4 @@
-"""The running normaliser of observations: part of the policy, saved and loaded with it."""
+"""The running normaliser of observations, saved and loaded with the policy."""
 
 import torch
 from torch import Tensor
@@ -21,28 +21,28 @@ class Normalizer:
         self._refresh()
 
     def _refresh(self) -> None:
-        # a deviation near 0 magnifies the rounding of the mean: what may be so is done in double
-        kind = torch.float32 if self.min_std else torch.float64
-        self._shift = self.mean.to(kind).unsqueeze(1)  # (S, 1, O)
-        self._scale = 1 / self.var.sqrt().clamp(min=self.min_std).to(kind).unsqueeze(1)
+        # a deviation near 0 magnifies the mean's rounding error, so without min_std: in float64
+        dtype = torch.float32 if self.min_std else torch.float64
+        self._shift = self.mean.to(dtype).unsqueeze(1)  # (S, 1, O)
+        self._scale = 1 / self.var.sqrt().clamp(min=self.min_std).to(dtype).unsqueeze(1)
 
     def normalize(self, obs: Tensor) -> Tensor:
         """Return normalised observations (S, B, O) float32."""
         return ((obs - self._shift) * self._scale).clamp(-self.clip, self.clip).float()
 
     def update(self, seed: int, obs: Tensor) -> None:
-        """Take a seed's new observations (B, O) into its statistics (Chan et al. 1979)."""
+        """Merge a seed's new observations (B, O) into its statistics (Chan et al. 1979)."""
         x = obs.double()
         n, m = self.count[seed], len(x)
         delta = x.mean(0) - self.mean[seed]
-        spread = n * self.var[seed] + m * x.var(0, correction=0) + delta**2 * n * m / (n + m)
+        squares = n * self.var[seed] + m * x.var(0, correction=0) + delta**2 * n * m / (n + m)
         self.mean[seed] += delta * m / (n + m)
-        self.var[seed] = spread / (n + m)
+        self.var[seed] = squares / (n + m)
         self.count[seed] = n + m
         self._refresh()
 
     def load(self, state: dict[str, Tensor]) -> None:
-        """Put statistics `mean`, `var` (S, O) and `count` (S,) in place."""
+        """Copy the statistics `mean`, `var` (S, O) and `count` (S,) from a file's leaves."""
         self.mean.copy_(state["mean"])
         self.var.copy_(state["var"])
         self.count.copy_(state["count"])

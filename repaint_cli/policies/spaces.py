@@ -1,4 +1,4 @@
-"""What a policy reads and writes."""
+"""The sizes of a policy's observations and actions."""
 
 from dataclasses import dataclass, replace
 
@@ -22,14 +22,15 @@ class Spaces:
 
     @classmethod
     def of(cls, obs: gymnasium.Space, action: gymnasium.Space) -> "Spaces":  # type: ignore[type-arg]
-        """Read Gymnasium spaces.
+        """Return the sizes of Gymnasium spaces.
 
         Raises:
-            CardError: they are not a box of numbers and a box or discrete action.
+            CardError: the observations are no vector or image, or the actions no vector or Discrete
+                from 0.
         """
         if isinstance(obs, gymnasium.spaces.Dict) and obs.keys() == {"camera", "lidar"}:
-            seen, n_beams = cls.of(obs["camera"], action), cls.of(obs["lidar"], action).obs_shape[0]
-            return replace(seen, n_beams=n_beams)
+            image, ranges = cls.of(obs["camera"], action), cls.of(obs["lidar"], action)
+            return replace(image, n_beams=ranges.obs_shape[0])
         shape = obs.shape
         if isinstance(obs, gymnasium.spaces.Box) and shape is not None and len(shape) in (1, 3):
             if isinstance(action, gymnasium.spaces.Discrete) and action.start == 0:

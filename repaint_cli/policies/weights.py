@@ -1,4 +1,4 @@
-"""Weights in and out: safetensors, strict, atomic, leaf by leaf. No pickle."""
+"""Weights written to and read from safetensors files, leaf by leaf and strictly."""
 
 import hashlib
 import json
@@ -12,20 +12,21 @@ from safetensors.numpy import save as serialized
 from torch import Tensor
 
 from repaint_cli.errors import CheckpointError
-from repaint_cli.files.atomic import written_whole
-from repaint_cli.files.headers import HASH, KEY, header_of, opened
+from repaint_cli.files.atomic import atomic_write
+from repaint_cli.files.headers import HASH, KEY, header_of, open_weights
 from repaint_cli.policies.architecture import NetConfig
-from repaint_cli.policies.networks import ActorCritic, leaves_of
+from repaint_cli.policies.networks import ActorCritic
+from repaint_cli.policies.parameters import leaves_of
 from repaint_cli.policies.spaces import Spaces
 
 TYPES = {
     "F64": "float64", "F32": "float32", "I64": "int64", "I32": "int32", "U8": "uint8",
     "BOOL": "bool",
 }  # fmt: skip
-"""What our files hold, as safetensors and as we name it."""
+"""Types in our files: safetensors' names of them, and ours."""
 
-MOST_NUMBERS = 2**28
-"""In the networks of a file, 1 GB: a hole in a file takes no room on a disk, but in memory."""
+MAX_NUMBERS = 2**28
+"""In the networks of a file, 1 GB: a sparse file takes memory that it does not take on a disk."""
 
 
 def save(
@@ -33,12 +34,15 @@ def save(
 ) -> None:
     """Write tensors, a JSON header and the hash of both as one safetensors file.
 
-    It is written whole or not at all; with `new` not over another (see `files.written_whole`).
+    The file is written whole or not at all; see `atomic_write`, also for `new`.
+
+    Raises:
+        StoreError: the file cannot be written, or exists and `new` is true.
     """
     text = json.dumps({**header, HASH: content_hash(tensors, header)})
     arrays = {name: tensor.detach().contiguous().numpy() for name, tensor in tensors.items()}
     packed = serialized(arrays, metadata={KEY: text})  # two keys would be in any order
-    with written_whole(path, new=new) as temporary:
+    with atomic_write(path, new=new) as temporary:
         temporary.write_bytes(packed)  # safetensors' own way leaves files behind when it is killed
 
 
@@ -47,19 +51,19 @@ def load(path: Path, *, finite: bool = True) -> tuple[dict[str, Tensor], dict[st
 
     Args:
         path: of the file.
-        finite: whether its numbers have to be.
+        finite: whether to refuse numbers that are not finite.
 
     Raises:
         CheckpointError: the file is absent, damaged, not one of ours, or holds numbers that are not
             finite.
     """
-    with opened(path, "pt") as file:
-        header, wanted = header_of(path, file)
+    with open_weights(path, "pt") as file:
+        header, expected_hash = header_of(path, file)
         for name in file.keys():  # noqa: SIM118
             if file.get_slice(name).get_dtype() not in TYPES:
                 raise CheckpointError(f"{path}: leaf '{name:.100}' has a type we do not write")
         tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
-    if wanted is not None and wanted != content_hash(tensors, header):
+    if expected_hash is not None and expected_hash != content_hash(tensors, header):
         raise CheckpointError(
             f"{path} is not what was written: its {HASH} does not match; copy or train it again"
         )
@@ -71,11 +75,11 @@ def load(path: Path, *, finite: bool = True) -> tuple[dict[str, Tensor], dict[st
 
 def content_hash(tensors: Mapping[str, Tensor], header: Mapping[str, Any]) -> str:
     """Return the SHA-256 of a header and of every tensor's name, type, shape and bytes."""
-    found = hashlib.sha256(json.dumps(header).encode())
+    digest = hashlib.sha256(json.dumps(header).encode())
     for name, tensor in sorted(tensors.items()):
-        found.update(f"\n{name} {_kind(tensor, tensor.shape)}\n".encode())
-        found.update(tensor.detach().contiguous().numpy().reshape(-1).view("u1").data)
-    return found.hexdigest()
+        digest.update(f"\n{name} {tuple(tensor.shape)} {_type_name(tensor)}\n".encode())
+        digest.update(tensor.detach().contiguous().numpy().reshape(-1).view("u1").data)
+    return digest.hexdigest()
 
 
 def policy_tensors(student: ActorCritic, seed: int | None = None) -> dict[str, Tensor]:
@@ -88,13 +92,18 @@ def policy_tensors(student: ActorCritic, seed: int | None = None) -> dict[str, T
 
 
 def load_policy(student: ActorCritic, tensors: Mapping[str, Tensor], where: str) -> None:
-    """Put leaves in place: with their seed axis, or without it into every seed.
+    """Copy leaves into networks: with their seed axis, or without it into every seed.
+
+    Args:
+        student: S policies and critics.
+        tensors: by name.
+        where: their origin, for messages.
 
     Raises:
-        CheckpointError: a leaf is missing, left over, or of another shape or type; or what was
-            observed has a negative variance or number.
+        CheckpointError: a leaf is missing, left over, or of another shape or type; or the
+            normaliser has a negative variance or count.
     """
-    forms = {n: (tuple(t.shape), str(t.dtype).removeprefix("torch.")) for n, t in tensors.items()}
+    forms = {name: (tuple(leaf.shape), _type_name(leaf)) for name, leaf in tensors.items()}
     _check_forms(forms, student.spaces, student.net, student.n_seeds, where)
     for name in ("normalizer.var", "normalizer.count"):
         if name in tensors and (tensors[name] < 0).any():
@@ -104,22 +113,22 @@ def load_policy(student: ActorCritic, tensors: Mapping[str, Tensor], where: str)
             leaf.copy_(tensors[name])
     if student.normalizer:
         prefix = "normalizer."
-        parts = {n.removeprefix(prefix): t for n, t in tensors.items() if n.startswith(prefix)}
-        student.normalizer.load(parts)
+        state = {n.removeprefix(prefix): t for n, t in tensors.items() if n.startswith(prefix)}
+        student.normalizer.load(state)
 
 
-def _kind(tensor: Tensor, shape: torch.Size) -> str:
-    return f"{tuple(shape)} {str(tensor.dtype).removeprefix('torch.')}"
+def _type_name(tensor: Tensor) -> str:
+    return str(tensor.dtype).removeprefix("torch.")
 
 
 def check_networks(
     path: Path, spaces: Spaces, net: NetConfig, n_seeds: int, where: str, prefix: str = ""
 ) -> None:
-    """Check that a file's leaves are those of such networks, before there is any memory for them.
+    """Check that a file's leaves are those of such networks, before memory is allocated for any.
 
     Args:
         path: of the file.
-        spaces: what the policies read and write.
+        spaces: of the policies.
         net: their layers.
         n_seeds: S; the leaves may have no seed axis.
         where: for messages.
@@ -130,12 +139,12 @@ def check_networks(
             or type.
     """
     forms = {}
-    with opened(path, "numpy") as file:
+    with open_weights(path, "numpy") as file:
         for name in file.keys():  # noqa: SIM118
             if name.startswith(prefix):
                 leaf = file.get_slice(name)
-                kind = TYPES.get(leaf.get_dtype(), leaf.get_dtype())
-                forms[name.removeprefix(prefix)] = (tuple(leaf.get_shape()), kind)
+                dtype = TYPES.get(leaf.get_dtype(), leaf.get_dtype())
+                forms[name.removeprefix(prefix)] = (tuple(leaf.get_shape()), dtype)
     _check_forms(forms, spaces, net, n_seeds, where)
 
 
@@ -144,31 +153,37 @@ Form = tuple[tuple[int, ...], str]
 
 
 def _check_forms(
-    found: Mapping[str, Form], spaces: Spaces, net: NetConfig, n_seeds: int, where: str
+    forms: Mapping[str, Form], spaces: Spaces, net: NetConfig, n_seeds: int, where: str
 ) -> None:
-    forms = forms_of(spaces, net)
-    numbers = n_seeds * sum(prod(shape) for shape, _ in forms.values())
-    for name, (shape, kind) in forms.items():
-        if name not in found:
+    """Check the forms of a file's leaves, with or without a seed axis.
+
+    Raises:
+        CheckpointError: a leaf is missing, left over, or of another shape or type, or there are
+            too many numbers.
+    """
+    expected = forms_of(spaces, net)
+    numbers = n_seeds * sum(prod(shape) for shape, _ in expected.values())
+    for name, (seed_shape, dtype) in expected.items():
+        if name not in forms:
             raise CheckpointError(f"{where}: leaf '{name:.100}' is missing in the file")
-        theirs, their_kind = found[name]
-        wanted = (n_seeds, *shape) if len(theirs) > len(shape) else shape
-        if (theirs, their_kind) != (wanted, kind):
+        file_shape, file_dtype = forms[name]
+        shape = (n_seeds, *seed_shape) if len(file_shape) > len(seed_shape) else seed_shape
+        if (file_shape, file_dtype) != (shape, dtype):
             raise CheckpointError(
-                f"{where}: leaf '{name:.100}' is {theirs} {their_kind} in the file, "
-                f"{wanted} {kind} in the network"
+                f"{where}: leaf '{name:.100}' is {file_shape} {file_dtype} in the file, "
+                f"{shape} {dtype} in the network"
             )
-    if numbers > MOST_NUMBERS:
+    if numbers > MAX_NUMBERS:
         raise CheckpointError(
-            f"{where}: expected at most {MOST_NUMBERS:,} numbers, found {numbers:,}"
+            f"{where}: expected at most {MAX_NUMBERS:,} numbers, found {numbers:,}"
         )
-    for name in sorted(found.keys() - forms.keys()):
+    for name in sorted(forms.keys() - expected.keys()):
         raise CheckpointError(f"{where}: leaf '{name:.100}' is unknown to the network")
 
 
 def forms_of(spaces: Spaces, net: NetConfig) -> dict[str, Form]:
-    """Return what a file keeps of one seed's networks; nothing is allocated."""
-    leaves = [leaf for tower in leaves_of(spaces, net).values() for leaf in tower]
+    """Return the form of every leaf of one seed's networks; nothing is allocated."""
+    leaves = [leaf for network in leaves_of(spaces, net).values() for leaf in network]
     forms: dict[str, Form] = {leaf.name: (leaf.shape, "float32") for leaf in leaves}
     if not spaces.image:
         forms |= {f"normalizer.{name}": (spaces.obs_shape, "float64") for name in ("mean", "var")}

@@ -1,4 +1,4 @@
-"""What a run looks like: statistics over seeds, curves, paths and films.
+"""Figures and films: curves, paths, markers and videos, drawn from arrays.
 
-Everything here is given arrays and a path. It knows no run folder, no simulator and no network.
+Nothing here knows a run folder, a simulator or a network.
 """

@@ -1,4 +1,4 @@
-"""Learning curves: evaluated mean returns over iterations, a line a method, honest about seeds."""
+"""Learning curves: evaluated mean returns over iterations, a line a method, with every seed."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -29,7 +29,7 @@ def plot_curves(
     """Draw each method's learning curve: its mean, every seed, and the interval of the mean.
 
     The mean is drawn where every seed of the method has a value; a seed that stopped early ends
-    the mean, not its comrades' thin lines.
+    the mean, but not the other seeds' thin lines.
 
     Args:
         returns: label → evaluated mean returns (S, K) at iterations 1 … K; nan where not evaluated.
@@ -70,7 +70,7 @@ def _seeds(values: ArrayLike) -> Floats:
 
 
 def _note(curves: Mapping[str, Floats]) -> str:
-    """Say what the lines are and how many seeds stand behind them."""
+    """Explain the lines, and name the number of seeds."""
     counts = sorted({len(seeds) for seeds in curves.values()})
     if counts in ([], [0]):
         return "no evaluation yet"

@@ -1,4 +1,4 @@
-"""The signs on maps: where something began and how it ended, and the legend that explains them."""
+"""Markers on maps, of starts and of ends of episodes, and their legend."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -9,25 +9,25 @@ from matplotlib.lines import Line2D
 
 from repaint_cli.report import style
 
-Sign = dict[str, Any]
-START: Sign = {"marker": "o", "color": "w", "markeredgecolor": style.INK, "markersize": 4.5}
-CRASH: Sign = {"marker": "P", "color": "#56B4E9", "markeredgecolor": "w", "markersize": 9}
-EXIT: Sign = {"marker": "X", "color": "#D55E00", "markeredgecolor": "w", "markersize": 8}
-TARGET: Sign = {"marker": "*", "color": "#009E73", "markeredgecolor": "w", "markersize": 12}
-TIP: Sign = {"marker": "o", "color": style.INK, "markeredgecolor": "none", "markersize": 3.6}
+Marker = dict[str, Any]
+START: Marker = {"marker": "o", "color": "w", "markeredgecolor": style.INK, "markersize": 4.5}
+CRASH: Marker = {"marker": "P", "color": "#56B4E9", "markeredgecolor": "w", "markersize": 9}
+EXIT: Marker = {"marker": "X", "color": "#D55E00", "markeredgecolor": "w", "markersize": 8}
+TARGET: Marker = {"marker": "*", "color": "#009E73", "markeredgecolor": "w", "markersize": 12}
+TIP: Marker = {"marker": "o", "color": style.INK, "markeredgecolor": "none", "markersize": 3.6}
 
 
-def legend(figure: Figure, signs: Sequence[Artist]) -> None:
-    """Explain signs below a figure."""
+def legend(figure: Figure, entries: Sequence[Artist]) -> None:
+    """Draw a legend below a figure."""
     figure.legend(
-        handles=list(signs),
+        handles=list(entries),
         loc="outside lower center",
-        ncols=len(signs),
+        ncols=len(entries),
         frameon=False,
         fontsize=style.NOTE_SIZE,
     )
 
 
-def sign(name: str, drawn_as: Sign) -> Line2D:
-    """Return what a legend shows for a sign."""
-    return Line2D([], [], linestyle="none", label=name, **drawn_as)
+def legend_entry(name: str, marker: Marker) -> Line2D:
+    """Return the legend's entry of a marker."""
+    return Line2D([], [], linestyle="none", label=name, **marker)

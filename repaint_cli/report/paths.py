@@ -14,15 +14,15 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
 from repaint_cli.report import style
-from repaint_cli.report.markers import Sign
+from repaint_cli.report.markers import Marker
 from repaint_cli.statistics import Floats
 
 MAX_COLUMNS = 3
 LEAST_SPAN = 0.1
-"""Of a scale, as a share of its largest number: noise is not to fill it with colours."""
-FEW = 8
-"""Different values that all have a place on a scale."""
-LONG = 24
+"""Of a scale, as a share of its largest number, so that noise does not look like a trend."""
+FEW_VALUES = 8
+"""So many different values are shown without cutting off the outer ones."""
+LONG_NAME = 24
 """Letters of a name that has a line of its own over its panel."""
 
 
@@ -52,14 +52,14 @@ class PathPanel:
             "crashed": (n_episodes,),
         }
         for name, shape in wanted.items():
-            found = getattr(self, name)
-            if two != 2 or (found is not None and np.shape(found) != shape):
-                raise ValueError(f"{name} is {np.shape(found)} beside paths {self.xy.shape}")
+            array = getattr(self, name)
+            if two != 2 or (array is not None and np.shape(array) != shape):
+                raise ValueError(f"{name} is {np.shape(array)} beside paths {self.xy.shape}")
 
 
 def label_of(name: str, mean_return: float) -> str:
     """Return what stands over a panel: its name and the mean return."""
-    return f"{name}{chr(10) if len(name) > LONG else ' · '}return {mean_return:.4g}"
+    return f"{name}{chr(10) if len(name) > LONG_NAME else ' · '}return {mean_return:.4g}"
 
 
 def grid(n_panels: int, aspect: float, title: str) -> tuple[Figure, list[Axes]]:
@@ -95,7 +95,7 @@ def scale_of(panels: Sequence[PathPanel]) -> tuple[Normalize, str]:
     values = values[np.isfinite(values)]
     if len(values) == 0:
         return Normalize(0, 1), "neither"
-    most = [2, 98] if len(np.unique(values)) > FEW else [0, 100]
+    most = [2, 98] if len(np.unique(values)) > FEW_VALUES else [0, 100]
     low, high = (float(end) for end in np.percentile(values, most))
     least = LEAST_SPAN * max(abs(low), abs(high)) or 1.0
     if high - low < least:
@@ -125,9 +125,9 @@ def ends_of(xy: Floats) -> Floats:
     return np.asarray(xy[np.arange(len(xy)), last])
 
 
-def mark(axes: Axes, points: Floats, drawn_as: Sign) -> None:
+def mark(axes: Axes, points: Floats, marker: Marker) -> None:
     """Put a marker at each of some points, (E, 2)."""
-    axes.plot(*points.T, linestyle="none", zorder=5, **drawn_as)
+    axes.plot(*points.T, linestyle="none", zorder=5, **marker)
 
 
 def colour_bar(figure: Figure, grid: list[Axes], scale: Normalize, label: str, extend: str) -> None:

@@ -1,4 +1,4 @@
-"""The house look of every figure: colours that the colour-blind can tell apart, sizes, saving.
+"""The style of every figure: colours that colour-blind people can tell apart, sizes, saving.
 
 Figures are `matplotlib.figure.Figure` on the Agg canvas; pyplot and its global state stay out.
 """
@@ -13,7 +13,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import Colormap, LinearSegmentedColormap, to_hex, to_rgb
 from matplotlib.figure import Figure
 
-from repaint_cli.files.atomic import written_whole
+from repaint_cli.files.atomic import atomic_write
 
 INK, FAINT = "#222222", "#8c8c8c"
 TITLE_SIZE, TEXT_SIZE, NOTE_SIZE = 12, 10, 8.5
@@ -95,9 +95,9 @@ def save(figure: Figure, path: Path) -> None:
     """Write a figure as a PNG or SVG in one step; the same figure always gives the same bytes.
 
     Raises:
-        StoreError: the file cannot be written; what was there before is still there.
+        StoreError: the file cannot be written; an earlier file of that name is as it was.
     """
-    with written_whole(path) as scratch:
+    with atomic_write(path) as scratch:
         if path.suffix == ".svg":
             with matplotlib.rc_context({"svg.hashsalt": "repaint", "svg.fonttype": "none"}):
                 figure.savefig(scratch, format="svg", metadata={"Date": None})

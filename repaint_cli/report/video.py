@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-from repaint_cli.files.atomic import written_whole
+from repaint_cli.files.atomic import atomic_write
 from repaint_cli.report.style import INK
 
 Frame = NDArray[np.uint8]
@@ -18,8 +18,8 @@ Frame = NDArray[np.uint8]
 
 CAPTION_HEIGHT = 56
 
-PATIENCE = 60.0
-"""Seconds that the encoder may take to end once it has all frames."""
+ENCODER_TIMEOUT = 60.0
+"""Of the encoder after the last frame, s."""
 
 
 def write_video(frames: Iterable[Frame], path: Path, fps: float) -> None:
@@ -38,7 +38,7 @@ def write_video(frames: Iterable[Frame], path: Path, fps: float) -> None:
     first = next(rest, None)
     if first is None:
         raise ValueError("a video needs at least one frame")
-    with written_whole(path) as scratch:
+    with atomic_write(path) as scratch:
         encoder = _encoder(scratch, _even(first).shape, fps)
         try:
             encoder.send(_even(first))
@@ -63,7 +63,7 @@ def _encoder(
         quality=None,
         macro_block_size=1,
         ffmpeg_log_level="error",
-        ffmpeg_timeout=PATIENCE,
+        ffmpeg_timeout=ENCODER_TIMEOUT,
         output_params=["-preset", "veryfast", "-crf", "20", "-movflags", "+faststart"],
     )
     encoder.send(None)

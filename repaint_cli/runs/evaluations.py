@@ -9,7 +9,7 @@ import torch
 
 from repaint_cli.envs.episodes import Episodes
 from repaint_cli.errors import CheckpointError
-from repaint_cli.files.atomic import written_to
+from repaint_cli.files.atomic import write_errors
 from repaint_cli.policies.weights import load, save
 
 FOLDER = "evaluations"
@@ -52,7 +52,7 @@ def forget_after(run: Path, k: int) -> None:
     """
     for later, path in kept(run).items():
         if later > k:
-            with written_to(path):
+            with write_errors(path):
                 path.unlink()
 
 

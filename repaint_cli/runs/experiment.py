@@ -11,7 +11,8 @@ import torch
 
 from repaint_cli.envs.logs import EpisodeLog
 from repaint_cli.errors import CheckpointError, RepaintError, StoreError, locate_divergence
-from repaint_cli.files.atomic import alone_in, as_json, write_text
+from repaint_cli.files.atomic import as_json, write_text
+from repaint_cli.files.lock import folder_lock
 from repaint_cli.learn import ppo, q_learning
 from repaint_cli.learn.evaluation import evaluate, spaces_of
 from repaint_cli.learn.learner import Learner
@@ -101,7 +102,7 @@ class Experiment:
         Raises:
             StoreError: another process is at this run, or the disk is full.
         """
-        with alone_in(self.plan.folder):
+        with folder_lock(self.plan.folder):
             yield from self._run()
 
     def _run(self) -> Iterator[Report]:

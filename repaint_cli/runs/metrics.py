@@ -11,7 +11,7 @@ import numpy as np
 
 from repaint_cli.envs.episodes import Episodes
 from repaint_cli.errors import CheckpointError
-from repaint_cli.files.atomic import write_text, written_to
+from repaint_cli.files.atomic import write_errors, write_text
 from repaint_cli.learn.ppo import IterationStats
 
 COLUMNS = (
@@ -93,7 +93,7 @@ def cut_csv(path: Path, k: int, n_seeds: int) -> None:
             f"{path} is damaged: expected its line {wanted} to be of iteration {k}, as the "
             f"checkpoint beside it is, found {last}"
         )
-    with written_to(path):  # which needs no room on a disk
+    with write_errors(path):  # which needs no room on a disk
         os.truncate(path, sum(len(line) for line in lines[:wanted]))
 
 

@@ -11,7 +11,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, NonNegativeInt, ValidationError, field_validator
 
-from repaint_cli.errors import CheckpointError, NotFound
+from repaint_cli.errors import CheckpointError, NotFound, reported_as
 from repaint_cli.files.limits import read_json, read_rows
 from repaint_cli.settings import first_problem
 from repaint_cli.tasks.card import TaskCard
@@ -77,7 +77,8 @@ def read_run(folder: Path) -> Run:
     """
     if not os.path.exists(folder / "run.json"):
         raise NotFound(f"expected a run's folder with run.json, found none at {folder}")
-    record = read_json(folder / "run.json", CheckpointError)
+    with reported_as(CheckpointError):
+        record = read_json(folder / "run.json")
     if isinstance(record, dict) and record.get("schema_version") == 1:  # which knew one teacher
         record["teachers"] = [record["teacher"]] if record.get("teacher") else []
     try:
@@ -86,7 +87,8 @@ def read_run(folder: Path) -> Run:
         raise CheckpointError(f"{folder}/run.json is damaged: {first_problem(error)}") from error
     task = TaskCard.parse(known.task, str(folder / "run.json"))
     try:
-        rows = _columns(folder / "metrics.csv", known.seeds)
+        with reported_as(CheckpointError):
+            rows = _columns(folder / "metrics.csv", known.seeds)
     except ValueError as error:
         raise CheckpointError(f"{folder}/metrics.csv is damaged: {error!s:.200}") from error
     return Run(folder, record, task, rows)
@@ -129,11 +131,11 @@ def _columns(path: Path, seeds: Sequence[int]) -> dict[str, np.ndarray]:
     """Return the numbers by column, (S, K), of the iterations that every seed has.
 
     Raises:
-        CheckpointError: the file cannot be read.
+        DamagedFile: the file cannot be read.
         ValueError: a cell is no number, or a row out of place.
     """
     mine = {str(seed): array("d") for seed in seeds}
-    for row in read_rows(path, CheckpointError, ("iteration", "seed", *NUMBERS)):
+    for row in read_rows(path, ("iteration", "seed", *NUMBERS)):
         own = mine.get(row["seed"])
         if own is None:
             raise ValueError(f"expected the seeds of run.json, found '{row['seed']:.20}'")

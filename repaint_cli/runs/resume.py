@@ -12,13 +12,13 @@ import numpy as np
 
 from repaint_cli.errors import CheckpointError, StoreError
 from repaint_cli.files.atomic import (
+    TEMPORARY_PREFIX,
     UMASK,
-    UNFINISHED,
     as_json,
+    atomic_write,
     sha256,
+    write_errors,
     write_text,
-    written_to,
-    written_whole,
 )
 from repaint_cli.learn.learner import Learner
 from repaint_cli.runs import evaluations
@@ -112,7 +112,7 @@ def claim(folder: Path, record: Mapping[str, Any]) -> None:
         raise StoreError(f"{folder} exists already; name another with --run, or --resume it")
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
-        beginning = Path(tempfile.mkdtemp(dir=folder.parent, prefix=UNFINISHED))
+        beginning = Path(tempfile.mkdtemp(dir=folder.parent, prefix=TEMPORARY_PREFIX))
     except FileExistsError as error:
         raise StoreError(f"cannot make {folder}: {folder.parent} is no folder") from error
     except OSError as error:
@@ -144,7 +144,7 @@ def save_checkpoint(plan: Plan, staff: Staff, learner: Learner, past: Past) -> N
 
 def _copy(path: Path, other: Path) -> None:
     """Put a file in the place of another, too; it takes no room where there are links."""
-    with written_whole(other) as temporary:
+    with atomic_write(other) as temporary:
         temporary.unlink()
         try:
             os.link(path, temporary)
@@ -158,7 +158,7 @@ def _earlier(folder: Path) -> list[Path]:
 
 
 def _remove(path: Path) -> None:
-    with written_to(path):
+    with write_errors(path):
         path.unlink(missing_ok=True)
 
 
@@ -223,5 +223,5 @@ def settle(folder: Path, past: Past, k: int, n_seeds: int) -> None:
             _remove(path)
     cut_csv(folder / "metrics.csv", k, n_seeds)
     evaluations.forget_after(folder, k)
-    for unfinished in folder.rglob(f"{UNFINISHED}*"):
+    for unfinished in folder.rglob(f"{TEMPORARY_PREFIX}*"):
         _remove(unfinished)

@@ -45,7 +45,7 @@ class TaskCard(Recipe, Task, Titled):
     def logged(self) -> LoggedRun:
         """What logs say of a run on this card."""
         source = self.reward_code.source if self.reward_code else None
-        return LoggedRun(self.ppo, len(self.net.eyes.layers), source)
+        return LoggedRun(self.ppo, len(self.net.conv_torso.layers), source)
 
     @classmethod
     def parse(cls, data: Mapping[str, Any], where: str) -> "TaskCard":

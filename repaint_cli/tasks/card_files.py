@@ -9,8 +9,8 @@ from typing import Any
 
 from repaint_cli.envs.racer.deepracer.model_files import read_hyperparameters
 from repaint_cli.envs.registry import REGISTRY, simulator_class
-from repaint_cli.errors import CardError, NotFound
-from repaint_cli.files.limits import read_card, read_text
+from repaint_cli.errors import CardError, NotFound, reported_as
+from repaint_cli.files.limits import read_text, read_toml
 from repaint_cli.paths import shipped
 from repaint_cli.tasks.card import TaskCard
 
@@ -43,7 +43,8 @@ def read_task(name: str) -> TaskCard:
 
 def _resolve(path: Path) -> dict[str, Any]:
     """Read TOML and merge it over what it extends; files beside the card are put in place."""
-    data = read_card(path, CardError)
+    with reported_as(CardError):
+        data = read_toml(path)
     code = _reward_code(data, path.parent)
     base = data.pop("extends", None)
     known = shipped_tasks()
@@ -84,7 +85,8 @@ def _reward_code(data: dict[str, Any], folder: Path) -> dict[str, Any]:
         raise CardError(f"a reward function stands alone: leave out what is beside {file}")
     del data["reward"]
     path = folder / file
-    source = read_text(path, CardError)
+    with reported_as(CardError):
+        source = read_text(path)
     return {"reward": {"function": 1.0}, "reward_code": {"name": path.name, "source": source}}
 
 

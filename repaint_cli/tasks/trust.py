@@ -9,7 +9,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from repaint_cli.errors import CardError, StoreError
-from repaint_cli.files.atomic import written_to
+from repaint_cli.files.atomic import write_errors
 from repaint_cli.paths import user_zoo
 from repaint_cli.tasks.task import Task
 
@@ -22,7 +22,7 @@ def allow(task: Task) -> None:
     """
     if not task.code_at_risk() or _allowed(task):
         return
-    with written_to(_path()):
+    with write_errors(_path()):
         _path().parent.mkdir(parents=True, exist_ok=True)
         with _path().open("a", encoding="utf-8") as file:  # a line at a stroke: others may write
             file.write(f"{_fingerprint(task)}  {task.code_at_risk()!r}\n")

@@ -1,4 +1,4 @@
-"""A teacher for other programs: its file, its card as JSON and as a page, and ONNX."""
+"""Export of a teacher for other programs: its file, its card as JSON and as a page, and ONNX."""
 
 import json
 import logging
@@ -14,7 +14,7 @@ import torch
 from torch import Tensor
 
 from repaint_cli.errors import RepaintError
-from repaint_cli.files.atomic import as_json, write_text, written_whole
+from repaint_cli.files.atomic import as_json, atomic_write, write_text
 from repaint_cli.policies.distributions import Gaussian
 from repaint_cli.policies.networks import ActorCritic
 from repaint_cli.zoo.model_card import markdown
@@ -28,16 +28,16 @@ def export(path: Path, folder: Path, *, onnx: bool = False) -> list[Path]:
     """Write a teacher's file, card.json and README.md into a folder, and maybe its policy as ONNX.
 
     Args:
-        path: the teacher's file.
-        folder: where to; what is there of these names is replaced.
-        onnx: whether to write NAME.onnx, see `write_onnx`.
+        path: of the teacher's file.
+        folder: to write to; files of the same names are replaced.
+        onnx: whether to write NAME.onnx too, see `write_onnx`.
 
     Returns:
-        What was written.
+        The paths written.
 
     Raises:
-        CheckpointError: the teacher is damaged.
-        RepaintError: there is no ONNX here.
+        CheckpointError: the teacher's file is damaged.
+        RepaintError: the package onnx or onnxscript is not installed.
         StoreError: the folder cannot be written.
     """
     network, card = load_teacher(path)
@@ -45,7 +45,7 @@ def export(path: Path, folder: Path, *, onnx: bool = False) -> list[Path]:
         _require_onnx()
     name = path.stem
     files = [folder / f"{name}.safetensors", folder / "card.json", folder / "README.md"]
-    with written_whole(files[0]) as temporary:
+    with atomic_write(files[0]) as temporary:
         shutil.copyfile(path, temporary)
     write_text(files[1], as_json(card.model_dump(mode="json")))
     write_text(files[2], markdown(card, path))
@@ -69,13 +69,13 @@ class _Policy(torch.nn.Module):
 
     def forward(self, obs: Tensor, lidar: Tensor | None = None) -> tuple[Tensor, ...]:
         """Return mean (B, A) and log σ (A,), or log π (B, A), for observations (B, *O)."""
-        seen: Any = obs.unsqueeze(0)
+        batch: Any = obs.unsqueeze(0)
         if lidar is not None:
-            seen = {"camera": seen, "lidar": lidar.unsqueeze(0)}
-        found = self._network.policy(seen)
-        if isinstance(found, Gaussian):
-            return found.mean.squeeze(0), found.log_std.reshape(-1)
-        return (found.log_probs.squeeze(0),)
+            batch = {"camera": batch, "lidar": lidar.unsqueeze(0)}
+        distribution = self._network.policy(batch)
+        if isinstance(distribution, Gaussian):
+            return distribution.mean.squeeze(0), distribution.log_std.reshape(-1)
+        return (distribution.log_probs.squeeze(0),)
 
 
 def write_onnx(network: ActorCritic, card: TeacherCard, path: Path) -> None:
@@ -101,13 +101,13 @@ def write_onnx(network: ActorCritic, card: TeacherCard, path: Path) -> None:
         )  # fmt: skip
     assert program is not None
     program.model.metadata_props["repaint"] = json.dumps(card.model_dump(mode="json"))
-    with written_whole(path) as temporary:
+    with atomic_write(path) as temporary:
         program.save(temporary, external_data=False)
 
 
 @contextmanager
 def _quietly() -> Iterator[None]:
-    """Keep the exporter's own affairs from the screen."""
+    """Keep the exporter's logs and warnings from the screen."""
     before = logging.root.manager.disable
     logging.disable(logging.WARNING)
     try:

@@ -1,4 +1,4 @@
-"""A teacher's card as a page people read: Markdown, made from what stands in its file."""
+"""A teacher's card as a page in Markdown."""
 
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -13,10 +13,10 @@ def markdown(card: TeacherCard, path: Path) -> str:
     """Return the page of a teacher.
 
     Args:
-        card: what stands in its file.
-        path: the file.
+        card: in its file.
+        path: of the file.
     """
-    parts = [
+    sections = [
         f"# {card.name}",
         f"A policy for the task `{card.task.name}`: {card.task.summary}",
         f"**Score**: {_score(card.score)}",
@@ -37,7 +37,7 @@ def markdown(card: TeacherCard, path: Path) -> str:
         f"```sh\nrepaint zoo add {card.name} {path.name}\nrepaint eval {card.name} "
         f"--render-offscreen\nrepaint transfer --teacher {card.name} --task MY-TASK\n```",
     ]
-    return "\n\n".join(parts) + "\n"
+    return "\n\n".join(sections) + "\n"
 
 
 def _score(score: Score | None) -> str:

@@ -1,4 +1,4 @@
-"""How well a policy does its own task, on seeds that training never saw."""
+"""The score of a policy on its own task, on seeds that training never used."""
 
 from repaint_cli.learn.evaluation import evaluate
 from repaint_cli.learn.seeding import Purpose
@@ -11,9 +11,9 @@ from repaint_cli.zoo.teacher_card import Score
 def score(network: ActorCritic, task: TaskCard, seed: int) -> Score:
     """Evaluate one policy on seeds that no training or evaluation has used."""
     episodes = task.env.score_episodes
-    played = evaluate(network, task, [seed], episodes, purpose=Purpose.SCORE)
-    mean, low, high = mean_ci(played.returns[0])
+    evaluation = evaluate(network, task, [seed], episodes, purpose=Purpose.SCORE)
+    mean, low, high = mean_ci(evaluation.returns[0])
     laps = progress = None
-    if played.progress is not None:
-        progress, laps = float(played.progress.mean()), int((played.progress >= 100).sum())
+    if evaluation.progress is not None:
+        progress, laps = float(evaluation.progress.mean()), int((evaluation.progress >= 100).sum())
     return Score(mean=mean, low=low, high=high, episodes=episodes, progress=progress, laps=laps)

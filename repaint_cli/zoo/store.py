@@ -1,4 +1,4 @@
-"""The zoo: teachers in a local folder, one file each; the card stands in the file's own header."""
+"""The zoo: teachers in a local folder, a file each, with the card in the file's header."""
 
 import os
 from collections.abc import Iterator, Sequence
@@ -21,27 +21,27 @@ SUFFIX = ".safetensors"
 
 
 def teachers() -> dict[str, Path]:
-    """Return all teachers by name; the user's own come before shipped ones of the same name.
+    """Return all teachers by name; the user's own replace shipped ones of the same name.
 
-    Files that are links out of their folder are none.
+    Links that lead out of their folder are left out.
 
     Raises:
         StoreError: a folder cannot be read.
     """
-    found: dict[str, Path] = {}
+    paths: dict[str, Path] = {}
     for folder in (user_zoo(), shipped("zoo")):
         if folder.is_dir():
             for name in sorted(_names(folder)):
-                found.setdefault(name, folder / f"{name}{SUFFIX}")
-    return found
+                paths.setdefault(name, folder / f"{name}{SUFFIX}")
+    return paths
 
 
 def _names(folder: Path) -> Iterator[str]:
     try:
-        found = os.scandir(folder)
+        entries = os.scandir(folder)
     except OSError as error:
         raise StoreError(f"cannot read {folder}: {error.strerror}") from error
-    with found as entries:
+    with entries:
         for entry in entries:
             name = entry.name.removesuffix(SUFFIX)
             if name == entry.name or not NAME.fullmatch(name):
@@ -51,16 +51,16 @@ def _names(folder: Path) -> Iterator[str]:
 
 
 def _leads_out(path: Path) -> bool:
-    """Tell whether a link leads out of its folder, or nowhere."""
-    home = Path(os.path.realpath(path.parent))
-    return not os.path.exists(path) or home not in Path(os.path.realpath(path)).parents
+    """Return whether a link leads out of its folder, or nowhere."""
+    folder = Path(os.path.realpath(path.parent))
+    return not os.path.exists(path) or folder not in Path(os.path.realpath(path)).parents
 
 
 def find(name: str) -> Path:
     """Return the file of a teacher, by its name or by its path.
 
     Raises:
-        NotFound: there is none.
+        NotFound: there is no teacher of this name, or it is a link that leads out of the zoo.
     """
     if name.endswith(SUFFIX) and os.path.exists(name):
         return Path(name)
@@ -77,11 +77,11 @@ def find(name: str) -> Path:
 
 
 def remove(name: str) -> Path:
-    """Remove one of the user's own teachers; return where it was.
+    """Remove one of the user's own teachers; return the path that it had.
 
     Raises:
-        NotFound: there is none.
-        StoreError: it is a shipped one, or cannot be removed.
+        NotFound: there is no teacher of this name.
+        StoreError: the teacher is a shipped one, or its file cannot be removed.
     """
     path = user_zoo() / f"{name}{SUFFIX}"
     if not NAME.fullmatch(name) or not os.path.lexists(path):
@@ -96,11 +96,11 @@ def remove(name: str) -> Path:
 
 
 def load_teacher(path: Path, n_seeds: int = 1) -> "tuple[ActorCritic, TeacherCard]":
-    """Load a teacher's networks, standing `n_seeds` times side by side, and its card.
+    """Load a teacher's networks, copied for each of S seeds, and its card.
 
     Raises:
-        CheckpointError: the file is damaged or does not hold what its card says.
-        CardError: the card's networks do not read what it observes.
+        CheckpointError: the file is damaged, or its leaves are not those of its card's networks.
+        CardError: the card's networks do not read the card's observations.
     """
     from repaint_cli.policies.networks import ActorCritic
     from repaint_cli.policies.weights import check_networks, load, load_policy
@@ -122,17 +122,17 @@ def add(
     *,
     replace: bool = True,
 ) -> Path:
-    """Write one seed's networks and their card as a teacher file; return where it is.
+    """Write one seed's networks and their card as a teacher file; return its path.
 
     Args:
         network: S policies and critics.
-        seed_number: which of them, from 0.
-        card: what it is.
-        folder: where to.
-        replace: whether it may replace another file of its name; the very same may always stay.
+        seed_number: the index of the one to write, from 0.
+        card: of the teacher.
+        folder: of the zoo.
+        replace: whether another file of this name may be replaced; one of the same contents stays.
 
     Raises:
-        StoreError: the name cannot be a file's, or is taken, or the folder cannot be written.
+        StoreError: the card's name is invalid or taken, or the folder cannot be written.
     """
     from repaint_cli.policies.weights import content_hash, policy_tensors, save
 
@@ -142,15 +142,15 @@ def add(
     try:
         save(path, tensors, header, new=not replace)
     except StoreError:
-        if not _holds(path, content_hash(tensors, header)):
+        if not _has_hash(path, content_hash(tensors, header)):
             raise
     return path
 
 
-def _holds(path: Path, wanted: str) -> bool:
-    """Tell whether a file says that its contents have this hash."""
+def _has_hash(path: Path, content_hash: str) -> bool:
+    """Return whether a file's header has this hash of its contents."""
     with suppress(CheckpointError):
-        return read_hash(path) == wanted
+        return read_hash(path) == content_hash
     return False
 
 
@@ -158,9 +158,10 @@ def check_fits(cards: Sequence[TeacherCard], task: TaskCard, spaces: "Spaces") -
     """Check that teachers can act in a task and be compared with it.
 
     Raises:
-        TeacherMismatch: naming both sides, a line for each misfit, and the teachers that fit.
+        TeacherMismatch: a teacher does not fit; the message has a line for each of them, and the
+            teachers that fit.
     """
-    problems = [problem for card in cards if (problem := misfit(card, task, spaces))]
+    problems = [problem for card in cards if (problem := mismatch(card, task, spaces))]
     if problems:
         fit = ", ".join(fitting(task, spaces)) or "none yet"
         raise TeacherMismatch("\n".join(problems) + f"; teachers that fit: {fit}")
@@ -171,12 +172,12 @@ def fitting(task: TaskCard, spaces: "Spaces") -> list[str]:
     names = []
     for name, path in teachers().items():
         with suppress(CheckpointError):
-            if not misfit(read_card(path), task, spaces):
+            if not mismatch(read_card(path), task, spaces):
                 names.append(name)
     return names
 
 
-def misfit(card: TeacherCard, task: TaskCard, spaces: "Spaces") -> str | None:
+def mismatch(card: TeacherCard, task: TaskCard, spaces: "Spaces") -> str | None:
     """Return why a teacher does not fit a task, or None."""
     if card.spaces != spaces:
         return f"teacher '{card.name}' has {card.spaces}, task '{task.name}' has {spaces}"

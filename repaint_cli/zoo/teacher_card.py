@@ -1,4 +1,4 @@
-"""What a teacher's file says of it: its card, whole and checked, or what a list shows."""
+"""A teacher's card, in the header of its file: whole and checked, or the summary for a list."""
 
 import re
 from pathlib import Path
@@ -13,7 +13,7 @@ from pydantic import (
 )
 
 from repaint_cli.errors import CheckpointError, StoreError
-from repaint_cli.files.headers import glimpse, read_header
+from repaint_cli.files.headers import peek_header, read_header
 from repaint_cli.settings import Settings, first_problem
 from repaint_cli.tasks.card import TaskCard
 
@@ -21,10 +21,10 @@ if TYPE_CHECKING:
     from repaint_cli.policies.spaces import Spaces
 
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
-"""What a teacher may be called."""
+"""Of teachers."""
 
 NAMES = "1 to 64 letters, digits, '.', '_' or '-'"
-"""The same for people."""
+"""The pattern of names, for messages."""
 
 
 class Score(Settings):
@@ -37,7 +37,7 @@ class Score(Settings):
     high: float
     """Upper end."""
     episodes: PositiveInt
-    """How many episodes."""
+    """Of the evaluation."""
     progress: float | None = None
     """Mean share of a lap, in %, on the track."""
     laps: int | None = None
@@ -45,14 +45,14 @@ class Score(Settings):
 
 
 class TeacherCard(Settings):
-    """What a teacher is and where it comes from."""
+    """A teacher and its origin."""
 
     schema_version: Literal[1] = 1
     """Version of this record."""
     name: str
-    """What it is called."""
+    """Of the teacher."""
     task: TaskCard
-    """The task it was trained on, whole."""
+    """Its training task, whole."""
     obs_shape: tuple[PositiveInt, ...]
     """O."""
     n_actions: PositiveInt
@@ -62,19 +62,19 @@ class TeacherCard(Settings):
     n_beams: NonNegativeInt = 0
     """Ranges of a lidar beside an image."""
     algorithm: str = "ppo"
-    """What trained it; the policy of q-learning has Q for its logits, and no critic."""
+    """That trained it; the policy of q-learning has Q for its logits, and no critic."""
     method: str
-    """How it was trained."""
+    """Of transfer, or scratch."""
     seed: NonNegativeInt
     """Its run seed."""
     iteration: NonNegativeInt
-    """After which iteration it was kept."""
+    """After which it was saved."""
     env_steps: NonNegativeInt
-    """Environment steps it had taken by then."""
+    """That it was trained for."""
     score: Score | None = None
-    """How well it does its own task."""
+    """On its own task."""
     versions: dict[str, str]
-    """Of the libraries it was made with."""
+    """Of the libraries that made it."""
     parents: tuple[str, ...] = ()
     """SHA-256 of its own teachers' files, if it had any."""
     created: str
@@ -93,7 +93,7 @@ class TeacherCard(Settings):
     @field_validator("name")
     @classmethod
     def _of_a_file(cls, name: str) -> str:
-        """Refuse names that `check_name` does: folders are called so, too."""
+        """Refuse the names that `check_name` refuses, for folders have this name too."""
         if not NAME.fullmatch(name):
             raise ValueError(f"expected {NAMES}")
         return name
@@ -107,14 +107,14 @@ class TeacherCard(Settings):
 
     @property
     def spaces(self) -> "Spaces":
-        """What the policy reads and writes."""
+        """The sizes of observations and actions."""
         from repaint_cli.policies.spaces import Spaces
 
         return Spaces(self.obs_shape, self.n_actions, self.discrete, self.n_beams)
 
 
-class Glance(NamedTuple):
-    """What a list shows of a teacher; read, not checked."""
+class TeacherSummary(NamedTuple):
+    """A teacher in a list; its card is read, not checked."""
 
     task: str
     score: tuple[float, float, float] | None
@@ -126,7 +126,7 @@ def read_card(path: Path) -> TeacherCard:
     """Read a teacher's card from its file.
 
     Raises:
-        CheckpointError: the file is damaged, not ours, or its card says something it may not.
+        CheckpointError: the file is damaged or not one of ours, or its card is invalid.
     """
     try:
         return TeacherCard.model_validate(read_header(path))
@@ -134,31 +134,33 @@ def read_card(path: Path) -> TeacherCard:
         raise CheckpointError(f"{path}: its card does not fit: {first_problem(error)}") from error
 
 
-def glance(path: Path) -> Glance:
-    """Read what a list shows, fast: a zoo may hold thousands.
+def read_summary(path: Path) -> TeacherSummary:
+    """Read a teacher's summary, quickly: a zoo may hold thousands.
 
     Raises:
-        CheckpointError: the file is damaged or no teacher.
+        CheckpointError: the file is damaged or not one of ours, or its card has no summary.
     """
     try:
-        header = glimpse(path)
-    except CheckpointError:  # of a long summary, say
+        header = peek_header(path)
+    except CheckpointError:  # the card may be longer than what was read
         header = read_header(path)
     try:
         score, steps = header.get("score"), int(header["env_steps"])
-        found = (float(score["mean"]), float(score["low"]), float(score["high"])) if score else None
+        interval = (
+            (float(score["mean"]), float(score["low"]), float(score["high"])) if score else None
+        )
         if steps.bit_length() > 64:
             raise ValueError("expected env_steps of at most 64 bits")
-        return Glance(str(header["task"]["name"]), found, steps)
+        return TeacherSummary(str(header["task"]["name"]), interval, steps)
     except (KeyError, TypeError, ValueError, OverflowError) as error:
         raise CheckpointError(f"{path}: its card does not fit: {error!r}") from error
 
 
 def check_name(name: str) -> None:
-    """Check that a teacher may be called so.
+    """Check a teacher's name.
 
     Raises:
-        StoreError: it may not.
+        StoreError: the name does not match `NAME`.
     """
     if not NAME.fullmatch(name):
         raise StoreError(f"expected a teacher's name of {NAMES}, found {name!r}")

@@ -1,4 +1,4 @@
-"""Whether a teacher is what its file says: whole, sound, fit for its task, worth its score."""
+"""Verification of a teacher's file: its contents, its fit to its task, and its score."""
 
 from pathlib import Path
 
@@ -10,17 +10,18 @@ from repaint_cli.zoo.store import load_teacher
 
 
 def verify(path: Path, *, again: bool = False) -> str:
-    """Check a teacher's file; return what was found good.
+    """Check a teacher's file; return the result as a line of text.
 
-    It is whole and its hash is that of its contents, its weights are finite and of the shapes that
-    its card says, the card fits the schema, and the policy fits the task in the card.
+    The file is whole and its hash is that of its contents, its weights are finite and have the
+    shapes of its card's networks, its card is valid, and its policy fits its task.
 
     Args:
-        path: the file.
-        again: whether to measure its score once more, on the same seeds.
+        path: of the file.
+        again: whether to measure its score again, on the same seeds.
 
     Raises:
-        CheckpointError: something is wrong with it.
+        CheckpointError: a check fails, the task cannot be played, or the score measured again is
+            outside the card's interval.
     """
     network, card = load_teacher(path)
     sound = "sound" if read_hash(path) else "sound, but without a hash: of an earlier version"

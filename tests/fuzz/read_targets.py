@@ -72,7 +72,7 @@ def teacher_targets(folder):
         network, card = store.load_teacher(path, 2)
         assert network.spaces == card.spaces
         own = read_task("reacher")
-        told = store.misfit(card, own, REACHER), cosine(card.task, own), relation(own, card.task)
+        told = store.mismatch(card, own, REACHER), cosine(card.task, own), relation(own, card.task)
         assert literal(told)
 
     vector = add_teacher(folder, settings=["net.hidden=[8,8]"])

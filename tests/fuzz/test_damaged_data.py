@@ -10,7 +10,7 @@ from test_damaged_files import HEAD, record
 from repaint_cli.envs.racer.deepracer.model_files import read_model_metadata
 from repaint_cli.envs.racer.deepracer.simtrace import read_training
 from repaint_cli.errors import CardError, CheckpointError, NotFound
-from repaint_cli.files.limits import DEEPEST, LARGEST, MOST_CELLS, read_json
+from repaint_cli.files.limits import MAX_BYTES, MAX_CELLS, MAX_DEPTH, read_json
 from repaint_cli.runs.reader import read_run
 from repaint_cli.tasks.card_files import read_task
 from repaint_cli.tasks.similarity import cosine
@@ -92,7 +92,7 @@ def test_a_table_beyond_reason_is_refused(tmp_path, case):
 
 
 def test_a_table_has_its_limit(tmp_path, monkeypatch):
-    monkeypatch.setattr("repaint_cli.files.limits.MOST_CELLS", 16)
+    monkeypatch.setattr("repaint_cli.files.limits.MAX_CELLS", 16)
     assert run_of(tmp_path, record(), HEAD + rows((1, 0)))
     with pytest.raises(CheckpointError, match="expected at most 16 cells, found more"):
         run_of(tmp_path, record(), HEAD + rows((1, 0), (2, 0), (3, 0)))
@@ -127,7 +127,7 @@ def test_other_files_among_the_logs_are_passed_over(tmp_path):
 
 LARGE = {
     "one text": json.dumps(["\U0001f600" * 2_000_000], ensure_ascii=False),
-    "a wide text": json.dumps("x" * (LARGEST - 8) + "\U0001f600", ensure_ascii=False),
+    "a wide text": json.dumps("x" * (MAX_BYTES - 8) + "\U0001f600", ensure_ascii=False),
     "objects": json.dumps([{"": 0}] * 49_000),
     "keys": json.dumps({str(n): str(n) for n in range(99_000)}),
 }
@@ -138,24 +138,24 @@ def test_the_largest_texts_take_their_share_of_memory(tmp_path, case):
     (tmp_path / "x.json").write_text(LARGE[case], encoding="utf-8")
     judge = Judge()
     with judge.watched(case, LARGE[case].encode()):
-        assert read_json(tmp_path / "x.json", CardError)
+        assert read_json(tmp_path / "x.json")
     assert judge.failures == []
 
 
 @pytest.mark.slow
 def test_the_largest_tables_take_their_share_of_memory(tmp_path, monkeypatch):
     monkeypatch.setattr("read_damaged_files.SECONDS", 30.0)
-    table = HEAD + rows(*((k, 0) for k in range(1, MOST_CELLS // 8 - 1)))
+    table = HEAD + rows(*((k, 0) for k in range(1, MAX_CELLS // 8 - 1)))
     (tmp_path / "training-simtrace").mkdir()
-    log = STEPS + "\n" + "1,0,0,0,0,0,0,0,0,0,off\n" * (MOST_CELLS // 11 - 2)
+    log = STEPS + "\n" + "1,0,0,0,0,0,0,0,0,0,off\n" * (MAX_CELLS // 11 - 2)
     (tmp_path / "training-simtrace" / "0-iteration.csv").write_text(log)
     judge = Judge()
     run_of(tmp_path, record(), table)
     with judge.watched("metrics.csv", table.encode()):
-        assert read_run(tmp_path).returns.shape == (1, MOST_CELLS // 8 - 2)
+        assert read_run(tmp_path).returns.shape == (1, MAX_CELLS // 8 - 2)
     with judge.watched("a log", log.encode()):
         ((_, (trace,)),) = read_training(tmp_path)
-    assert len(trace) == MOST_CELLS // 11 - 2
+    assert len(trace) == MAX_CELLS // 11 - 2
     assert judge.failures == []
 
 
@@ -214,7 +214,7 @@ def test_cards_that_extend_each_other_are_no_tasks(home):
 
 
 def test_keys_are_as_deep_as_they_may_be(home):
-    (home / "mine.toml").write_text("# " + "." * 1000 + "\nx" + ".y" * (DEEPEST - 2) + " = 1.5")
+    (home / "mine.toml").write_text("# " + "." * 1000 + "\nx" + ".y" * (MAX_DEPTH - 2) + " = 1.5")
     with pytest.raises(CardError, match=r"unknown key 'x'|Field required"):
         read_task("mine.toml")
 

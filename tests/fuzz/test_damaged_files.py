@@ -19,7 +19,7 @@ from small_runs import add_teacher
 
 from repaint_cli.envs.racer.deepracer.simtrace import read_training
 from repaint_cli.envs.racer.track.files import load_track
-from repaint_cli.errors import CardError, CheckpointError, RepaintError
+from repaint_cli.errors import CardError, CheckpointError, RepaintError, reported_as
 from repaint_cli.files.limits import read_bytes
 from repaint_cli.paths import PACKAGE
 from repaint_cli.runs.reader import read_run
@@ -196,9 +196,15 @@ def test_an_empty_file_is_refused(place):
 
 def test_a_file_is_read_up_to_its_limit_and_no_further(tmp_path, monkeypatch):
     (tmp_path / "x").write_bytes(b"12345")
-    assert read_bytes(tmp_path / "x", CardError, 5) == b"12345"
-    with pytest.raises(CardError, match="expected at most 4 bytes, found 5"):
-        read_bytes(tmp_path / "x", CardError, 4)
+    assert read_bytes(tmp_path / "x", 5) == b"12345"
+    with (
+        pytest.raises(CardError, match="expected at most 4 bytes, found 5"),
+        reported_as(CardError),
+    ):
+        read_bytes(tmp_path / "x", 4)
     monkeypatch.setattr("repaint_cli.files.limits.check_file", lambda *_: None)  # it grew meanwhile
-    with pytest.raises(CardError, match="expected at most 4 bytes, found 5"):
-        read_bytes(tmp_path / "x", CardError, 4)
+    with (
+        pytest.raises(CardError, match="expected at most 4 bytes, found 5"),
+        reported_as(CardError),
+    ):
+        read_bytes(tmp_path / "x", 4)

@@ -128,12 +128,12 @@ def test_a_command_hidden_in_the_settings_is_not_run(tmp_path):
 def test_a_part_that_would_fill_the_memory_is_not_unpacked(tmp_path, monkeypatch):
     path = rewritten(saved(tmp_path, model()), policy__pth=bytes(10**7))
     assert path.stat().st_size < 10**5
-    monkeypatch.setattr(archives, "LARGEST", 10**6)
+    monkeypatch.setattr(archives, "MAX_BYTES", 10**6)
     with pytest.raises(
         CheckpointError, match=r"'policy.pth' of at most 1000000 bytes.* 10000000 by"
     ):
         sb3.read(path)
-    monkeypatch.setattr(sb3, "LARGEST", 10**3)
+    monkeypatch.setattr(sb3, "MAX_BYTES", 10**3)
     with pytest.raises(CheckpointError, match="expected at most 1,000 bytes, found"):
         sb3.read(path)
 
@@ -171,6 +171,6 @@ def test_settings_that_are_no_numbers_count_as_unknown(tmp_path):
 
 def test_settings_beyond_all_measure_are_not_parsed(tmp_path, monkeypatch):
     path = saved(tmp_path, model())
-    monkeypatch.setattr(sb3, "LARGEST_SETTINGS", 100)
+    monkeypatch.setattr(sb3, "MAX_SETTINGS_BYTES", 100)
     with pytest.raises(CheckpointError, match="expected a 'data' of 100 bytes at most, found"):
         sb3.read(path)

@@ -11,7 +11,7 @@ from small_runs import REACHER, add_teacher
 
 from repaint_cli.errors import CheckpointError
 from repaint_cli.files.headers import HASH, KEY
-from repaint_cli.files.limits import LARGEST
+from repaint_cli.files.limits import MAX_BYTES
 from repaint_cli.policies import weights
 from repaint_cli.policies.networks import ActorCritic
 from repaint_cli.runs import checkpoint
@@ -51,7 +51,7 @@ def no_teacher(path, message):
     assert len(str(caught.value)) < 1000
 
 
-LENGTHS = [2**63, 2**64 - 1, 2**40, 2**31, LARGEST + 1, 0, 1]
+LENGTHS = [2**63, 2**64 - 1, 2**40, 2**31, MAX_BYTES + 1, 0, 1]
 
 
 @pytest.mark.parametrize("length", LENGTHS)
@@ -154,7 +154,7 @@ def test_a_huge_network_of_nothing_is_not_read_in(tmp_path, monkeypatch):
 
 
 def test_a_larger_header_is_not_parsed(tmp_path):
-    text = json.dumps({"__metadata__": {KEY: "x" * LARGEST}}).encode()
+    text = json.dumps({"__metadata__": {KEY: "x" * MAX_BYTES}}).encode()
     path = tmp_path / "x.safetensors"
     path.write_bytes(len(text).to_bytes(8, "little") + text)
     no_teacher(path, "a header of more than 8,388,608 bytes")
@@ -164,11 +164,11 @@ def test_a_larger_header_is_not_parsed(tmp_path):
 def test_the_largest_header_takes_its_share_of_memory(tmp_path, what):
     leaf = {"dtype": "F32", "shape": [0], "data_offsets": [0, 0]}
     if what == "leaves":
-        header = {f"{n:06}": leaf for n in range(LARGEST // 80)}
+        header = {f"{n:06}": leaf for n in range(MAX_BYTES // 80)}
     else:
-        header = {"__metadata__": {KEY: json.dumps("\U0001f600" * (LARGEST // 15))}}
+        header = {"__metadata__": {KEY: json.dumps("\U0001f600" * (MAX_BYTES // 15))}}
     text = json.dumps(header).encode()
-    assert LARGEST * 0.8 < len(text) <= LARGEST
+    assert MAX_BYTES * 0.8 < len(text) <= MAX_BYTES
     data = len(text).to_bytes(8, "little") + text
     path = tmp_path / "x.safetensors"
     path.write_bytes(data)

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from repaint_cli.errors import RenderError
-from repaint_cli.files.atomic import written_whole
+from repaint_cli.files.atomic import atomic_write
 from repaint_cli.paths import PACKAGE
 
 RENDERERS = ("egl", "osmesa")
@@ -103,7 +103,7 @@ def render_gym(
         "fps": fps,
     }
     with (
-        written_whole(path) as scratch,
+        atomic_write(path) as scratch,
         TemporaryDirectory(prefix=".film-", dir=path.parent) as folder,
     ):
         made = Path(folder).resolve() / "film.mp4"

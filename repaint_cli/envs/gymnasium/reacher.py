@@ -14,7 +14,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle
 
 from repaint_cli.report import style
-from repaint_cli.report.markers import TARGET, TIP, legend, sign
+from repaint_cli.report.markers import TARGET, TIP, legend, legend_entry
 from repaint_cli.report.paths import (
     PathPanel,
     colour_bar,
@@ -54,7 +54,10 @@ def plot_reacher(panels: Sequence[PathPanel], path: Path, title: str) -> None:
     colour_bar(figure, panes, scale, "time [steps]", "neither")
     miss = Line2D([], [], color=style.INK, linewidth=0.8, linestyle=":", label="missed by")
     reach = Line2D([], [], color=style.FAINT, linewidth=0.8, label="reach of the arm")
-    legend(figure, [sign("target", TARGET), sign("fingertip at the end", TIP), miss, reach])
+    legend(
+        figure,
+        [legend_entry("target", TARGET), legend_entry("fingertip at the end", TIP), miss, reach],
+    )
     style.save(figure, path)
 
 

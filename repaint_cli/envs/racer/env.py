@@ -1,10 +1,10 @@
 """N cars, each on its own copy of one track, behind Gymnasium's vector interface.
 
-Every number a car meets comes from its own seed and its own actions: the cars beside it, and the
-number of threads, change nothing.
+A car's observations and rewards depend on its own seed and actions alone: the number of cars and
+of threads changes nothing.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -14,12 +14,21 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
+from repaint_cli.envs.racer.arguments import (
+    check_names,
+    check_positive,
+    checked_actions,
+    lap_fractions_of,
+    seeds_of,
+)
 from repaint_cli.envs.racer.dynamics.car import ACTIONS, CAR_PROFILES, STEP_SECONDS, commands_of
-from repaint_cli.envs.racer.dynamics.fleet import Fleet, Rows
+from repaint_cli.envs.racer.dynamics.directions import Rows
+from repaint_cli.envs.racer.dynamics.fleet import Fleet
 from repaint_cli.envs.racer.dynamics.rules import IN_PROGRESS, TIME_UP
 from repaint_cli.envs.racer.sight.noise import Noise, disturb_command
-from repaint_cli.envs.racer.sight.sensors import SENSORS, Sensors, Sights
-from repaint_cli.envs.racer.track.track import Floats, Track
+from repaint_cli.envs.racer.sight.sensors import SENSORS, Readings, Sensors
+from repaint_cli.envs.racer.track.geometry import Floats
+from repaint_cli.envs.racer.track.track import Track
 
 START_PLACES = 20
 """Evenly spaced places on the lap, of which each episode draws its start."""
@@ -81,7 +90,7 @@ class RacerVectorEnv(VectorEnv[Any, NDArray[np.int64], Any]):
         """Build N cars on a track; `reset` puts them on the road.
 
         Args:
-            track: where they drive.
+            track: that they drive.
             num_envs: N.
             car: a name in `CAR_PROFILES`.
             actions: what to choose from, steering (degrees, left is positive) and speed (m/s).
@@ -92,13 +101,13 @@ class RacerVectorEnv(VectorEnv[Any, NDArray[np.int64], Any]):
             max_steps: time limit of an episode, steps of 1/15 s.
             noise: disturbances of actions and images, or None.
             autoreset_mode: NEXT_STEP or DISABLED.
-            threads: how many share the drawing.
+            threads: that draw images.
 
         Raises:
             ValueError: an argument is out of range.
         """
-        _check_numbers(num_envs=num_envs, max_steps=max_steps, threads=threads)
-        _check_names(car=(car, CAR_PROFILES), sensors=(sensors, SENSORS), crash=(crash, CRASHES))
+        check_positive(num_envs=num_envs, max_steps=max_steps, threads=threads)
+        check_names(car=(car, CAR_PROFILES), sensors=(sensors, SENSORS), crash=(crash, CRASHES))
         if autoreset_mode not in (AutoresetMode.NEXT_STEP, AutoresetMode.DISABLED):
             raise ValueError(f"expected autoreset NEXT_STEP or DISABLED, found {autoreset_mode}")
         self.metadata = {"autoreset_mode": autoreset_mode, "render_fps": round(1 / STEP_SECONDS)}
@@ -117,7 +126,7 @@ class RacerVectorEnv(VectorEnv[Any, NDArray[np.int64], Any]):
         self._reverse = np.zeros(num_envs, np.bool_)
         self._is_reset = False
         self._parks = autoreset_mode is AutoresetMode.DISABLED
-        self._parked: Sights = {}  # what the parked cars saw last
+        self._parked_readings: Readings = {}  # the last ones of parked cars
 
     def reset(
         self,
@@ -130,23 +139,26 @@ class RacerVectorEnv(VectorEnv[Any, NDArray[np.int64], Any]):
         Args:
             seed: one an environment; an integer s stands for s, s + 1, …; None goes on with the
                 generators as they are.
-            options: "lap_fraction", (N,), places the cars there, now and at autoresets; absent,
-                they draw their places. "reverse", (N,), says who drives the other way.
+            options: "lap_fraction", (N,), is where cars start, now and at autoresets; without it
+                they draw their places. "reverse", (N,), is whether a car drives the other way.
 
         Raises:
             ValueError: the seeds or fractions are not N.
         """
-        self._seed(seed)
-        self._given_starts = _lap_fractions(options, self.num_envs)
+        for i, one in enumerate(seeds_of(seed, self.num_envs)):
+            if one is not None:
+                self._rngs[i] = np.random.default_rng(one)
+        self._given_starts = lap_fractions_of(options, self.num_envs)
         self._reverse = np.zeros(self.num_envs, np.bool_)
         if options and "reverse" in options:
             self._reverse[:] = options["reverse"]
         self._is_reset = True
         rows = np.arange(self.num_envs)
         self._start(rows)
-        seen = self._sensors.look(rows, self._fleet, self._rngs)
-        self._parked = {name: part.copy() for name, part in seen.items() if self._parks}
-        return self._observation(seen), self._infos(rows[:0], np.zeros(self.num_envs))
+        readings = self._sensors.read(rows, self._fleet, self._rngs)
+        if self._parks:
+            self._parked_readings = {name: part.copy() for name, part in readings.items()}
+        return self._observation(readings), self._infos(rows[:0], np.zeros(self.num_envs))
 
     def step(self, actions: NDArray[np.int64]) -> tuple[Any, Floats, Flags, Flags, Infos]:
         """Drive every car for 1/15 s.
@@ -159,12 +171,12 @@ class RacerVectorEnv(VectorEnv[Any, NDArray[np.int64], Any]):
             them new arrays.
 
         Raises:
-            ResetNeeded: there was no reset yet.
+            ResetNeeded: the environment was never reset.
             ValueError: the actions are not N integers from 0 to A − 1.
         """
         if not self._is_reset:
             raise ResetNeeded("expected reset() before the first step()")
-        commands = self._actions[_checked(actions, self.num_envs, len(self._actions))]
+        commands = self._actions[checked_actions(actions, self.num_envs, len(self._actions))]
         running = self._fleet.status == IN_PROGRESS
         moving, ended = np.flatnonzero(running), np.flatnonzero(~running)
         if not self._parks:
@@ -173,82 +185,38 @@ class RacerVectorEnv(VectorEnv[Any, NDArray[np.int64], Any]):
             for row in moving:
                 commands[row] = disturb_command(commands[row], self._noise, self._rngs[row])
         infos = self._infos(moving, self._fleet.drive(moving, commands))
-        over = running & (self._fleet.status != IN_PROGRESS)
-        looking = moving if self._parks else np.arange(self.num_envs)
-        seen = self._sensors.look(looking, self._fleet, self._rngs)
-        for name, parked in self._parked.items():
-            seen[name][ended] = parked[ended]
-            parked[over] = seen[name][over]
-        truncations = over & (self._fleet.status == TIME_UP)
-        terminations = over & ~truncations
-        return self._observation(seen), infos["dprog"].copy(), terminations, truncations, infos
+        ending = running & (self._fleet.status != IN_PROGRESS)
+        sensing = moving if self._parks else np.arange(self.num_envs)
+        readings = self._sensors.read(sensing, self._fleet, self._rngs)
+        for name, parked in self._parked_readings.items():
+            readings[name][ended] = parked[ended]
+            parked[ending] = readings[name][ending]
+        truncations = ending & (self._fleet.status == TIME_UP)
+        terminations = ending & ~truncations
+        return self._observation(readings), infos["dprog"].copy(), terminations, truncations, infos
 
     def params(self, row: int) -> dict[str, Any]:
-        """Return what DeepRacer would tell a reward function about one car now: its `params`."""
+        """Return DeepRacer's `params`, the argument of a reward function, of one car's state."""
         return self._fleet.params(row)
 
     def close_extras(self, **kwargs: Any) -> None:
-        """Let the threads go."""
+        """Stop the sensors' threads."""
         self._sensors.close()
-
-    def _seed(self, seed: int | Sequence[int | None] | None) -> None:
-        """Renew the generators that are given a seed."""
-        if seed is None:
-            return
-        n = self.num_envs
-        if isinstance(seed, (int, np.integer)):
-            seed = [int(seed) + i for i in range(n)]
-        if len(seed) != n:
-            raise ValueError(f"expected {n} seeds, found {len(seed)}")
-        for i, one in enumerate(seed):
-            if one is not None:
-                self._rngs[i] = np.random.default_rng(one)
 
     def _start(self, rows: Rows) -> None:
         """Begin new episodes of these cars (K,)."""
         if self._given_starts is not None:
-            places = self._given_starts
+            fractions = self._given_starts
         else:
-            places = np.zeros(self.num_envs)
+            fractions = np.zeros(self.num_envs)
             for row in rows:
-                places[row] = self._rngs[row].integers(START_PLACES) / START_PLACES
-        self._fleet.start(rows, places, self._reverse, self._rngs)
+                fractions[row] = self._rngs[row].integers(START_PLACES) / START_PLACES
+        self._fleet.start(rows, fractions, self._reverse, self._rngs)
 
     def _infos(self, moving: Rows, gained: Floats) -> Infos:
         return self._fleet.terms(moving, gained) | self._fleet.report()
 
-    def _observation(self, seen: Sights) -> Any:
-        """Return what was seen as the observation space has it."""
-        return {**seen} if isinstance(self.single_observation_space, Dict) else seen["camera"]
-
-
-def _check_numbers(**numbers: int) -> None:
-    for name, value in numbers.items():
-        if value < 1:
-            raise ValueError(f"expected {name} of at least 1, found {value}")
-
-
-def _check_names(**names: tuple[str, Iterable[str]]) -> None:
-    for what, (name, known) in names.items():
-        if name not in known:
-            raise ValueError(f"unknown {what} '{name}'; choose one of {', '.join(known)}")
-
-
-def _checked(actions: NDArray[np.int64], n: int, n_actions: int) -> NDArray[np.int64]:
-    actions = np.asarray(actions)
-    if actions.shape != (n,) or actions.dtype.kind not in "iu":
-        raise ValueError(
-            f"expected {n} integer actions, found shape {actions.shape} of {actions.dtype}"
-        )
-    if actions.min() < 0 or actions.max() >= n_actions:
-        raise ValueError(f"expected actions from 0 to {n_actions - 1}, found {actions}")
-    return actions
-
-
-def _lap_fractions(options: dict[str, Any] | None, n: int) -> Floats | None:
-    if options is None or "lap_fraction" not in options:
-        return None
-    fractions = np.array(options["lap_fraction"], dtype=np.float64)
-    if fractions.shape != (n,) or not np.isfinite(fractions).all():
-        raise ValueError(f"expected {n} finite lap fractions, found {fractions}")
-    return np.mod(fractions, 1.0)
+    def _observation(self, readings: Readings) -> Any:
+        """Return readings in the form of the observation space."""
+        is_dict = isinstance(self.single_observation_space, Dict)
+        return {**readings} if is_dict else readings["camera"]

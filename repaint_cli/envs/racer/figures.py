@@ -7,7 +7,8 @@ import numpy as np
 
 from repaint_cli.envs.episodes import Episodes
 from repaint_cli.envs.racer.deepracer.simtrace import read_training
-from repaint_cli.envs.racer.film import NOSE, Drive, racer_frames
+from repaint_cli.envs.racer.dynamics.car import FRONT_OFFSET
+from repaint_cli.envs.racer.film import FilmedEpisode, racer_frames
 from repaint_cli.envs.racer.names import STATUS
 from repaint_cli.envs.racer.path_figure import plot_racer
 from repaint_cli.envs.racer.simulator import RacerSimulator
@@ -79,14 +80,14 @@ def film(env: RacerSimulator, episodes: Episodes, path: Path, title: str, n_epis
             track.inner,
             track.outer,
             track.centre,
-            _drive(episodes, e),
+            _filmed(episodes, e),
             f"{title} · episode {e + 1}",
         )
     )
     write_video(frames, path, fps=15)
 
 
-def _drive(episodes: Episodes, e: int) -> Drive:
+def _filmed(episodes: Episodes, e: int) -> FilmedEpisode:
     assert episodes.observations is not None
     observed = episodes.observations[0][e]
     images, ranges = observed, None
@@ -94,8 +95,8 @@ def _drive(episodes: Episodes, e: int) -> Drive:
         images, ranges = observed["camera"], observed["lidar"]
     steps = episodes.lengths[0, e]
     state = {name: rows[:steps, 0, e] for name, rows in episodes.records.items()}
-    ahead = NOSE * np.stack([np.cos(state["heading"]), np.sin(state["heading"])], -1)
-    return Drive(
+    ahead = FRONT_OFFSET * np.stack([np.cos(state["heading"]), np.sin(state["heading"])], -1)
+    return FilmedEpisode(
         xy=np.stack([state["x"], state["y"]], -1) - ahead,
         heading=state["heading"],
         speed=state["speed"],

@@ -1,6 +1,6 @@
-"""A drive as a film: the track from above beside what the camera sees, with the numbers.
+"""An episode as a film: the track from above, the camera's image, and numbers.
 
-The map is drawn once; a frame adds a piece of trail and a car to it. Metres, radians, m/s.
+The map is drawn once; a frame adds a piece of the path and the cars to it. Metres, radians, m/s.
 """
 
 from collections.abc import Callable, Iterator
@@ -17,18 +17,18 @@ from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
+from repaint_cli.envs.racer.dynamics.car import FRONT_OFFSET
 from repaint_cli.envs.racer.road import CAR_LENGTH, CAR_WIDTH, draw_road
+from repaint_cli.envs.racer.sight.boxes import BEAM_SPAN, FIRST_BEAM, RANGE
+from repaint_cli.envs.racer.track.geometry import Floats
 from repaint_cli.report import style
 from repaint_cli.report.video import Frame, font
-from repaint_cli.statistics import Floats
 
 MAP_WIDTH, SIDE_WIDTH, HEIGHT = 640, 480, 480
 FINE = 2
-"""The map is drawn this many times finer and averaged, so that trail and car have smooth edges."""
-NOSE = 0.14
-"""The front point, ahead of the base point, m."""
-BEAMS_FROM, BEAMS_TO, RANGE = np.deg2rad(30), np.deg2rad(330), 1.0
-"""The lidar's first and last beam, leftwards from straight ahead (rad), and its reach, m."""
+"""The map is drawn this many times finer and averaged, so that edges are smooth."""
+BEAM_ANGLES = np.deg2rad(np.rint(np.rad2deg(np.pi + FIRST_BEAM + np.array([0, BEAM_SPAN]))))
+"""Of the lidar's first and last beam in whole degrees, to the left from straight ahead, rad."""
 CAR_COLOUR, BOT_COLOUR = "#009E73", "#666666"
 CAMERA_HEIGHT = 360
 LIDAR_SIZE = 120
@@ -40,8 +40,8 @@ ToPixels = Callable[[Floats], Floats]
 
 
 @dataclass(frozen=True)
-class Drive:
-    """What is known of each of T steps."""
+class FilmedEpisode:
+    """Each of an episode's T steps."""
 
     xy: Floats
     """The car's base point, midway between the axles, (T, 2), m."""
@@ -56,22 +56,22 @@ class Drive:
     reward: Floats
     """(T,)."""
     images: NDArray[np.uint8]
-    """What the (left) camera sees, grey, (T, H, W); W divides 480 best."""
+    """Of the (left) camera, grey, (T, H, W)."""
     ranges: Floats
-    """What the lidar reads, from ahead on the left around the back to the right, (T, B), m; B is 0
-    without one."""
+    """Of the lidar, from ahead on the left around the back to the right, (T, B), m; B is 0 without
+    one."""
     bots: Floats
     """Other cars' x, y (m) and heading (rad), (T, B, 3)."""
 
     def __post_init__(self) -> None:
         for field in fields(self):
-            found = len(getattr(self, field.name))
-            if found != len(self.xy):
-                raise ValueError(f"{field.name} has {found} steps, xy has {len(self.xy)}")
+            n_steps = len(getattr(self, field.name))
+            if n_steps != len(self.xy):
+                raise ValueError(f"{field.name} has {n_steps} steps, xy has {len(self.xy)}")
 
 
 def racer_frames(
-    inner: Floats, outer: Floats, centre: Floats, drive: Drive, title: str
+    inner: Floats, outer: Floats, centre: Floats, episode: FilmedEpisode, title: str
 ) -> Iterator[Frame]:
     """Yield one frame a step, (480, 1120, 3).
 
@@ -79,24 +79,24 @@ def racer_frames(
         inner: border on the infield side, (M, 2), m.
         outer: border on the outfield side, (M, 2), m.
         centre: centre line, (M, 2), m.
-        drive: what happened.
+        episode: what to show.
         title: over the map, such as "racer-outer · repaint, iteration 20 · episode 1".
     """
-    scale = Normalize(0.0, max(0.1, float(drive.speed.max(initial=0.0))))
+    scale = Normalize(0.0, max(0.1, float(episode.speed.max(initial=0.0))))
     road, to_pixels = _map(inner, outer, centre, scale, title)
-    points = to_pixels(drive.xy)  # (T, 2)
-    colours = [to_hex(colour) for colour in style.ramp()(scale(drive.speed))]
-    board, returns = _board(), np.cumsum(drive.reward)
+    points = to_pixels(episode.xy)  # (T, 2)
+    colours = [to_hex(colour) for colour in style.ramp()(scale(episode.speed))]
+    board, returns = _board(), np.cumsum(episode.reward)
     pen = ImageDraw.Draw(road)
     for t in range(len(points)):
         trail = [tuple(point) for point in points[max(t - 1, 0) : t + 1]]
         pen.line(trail, colours[t], width=3 * FINE)
         view = road.copy()
-        for bot in drive.bots[t]:
+        for bot in episode.bots[t]:
             _draw_car(view, to_pixels(_body(bot[:2], float(bot[2]))), BOT_COLOUR)
-        _draw_car(view, to_pixels(_body(drive.xy[t], float(drive.heading[t]))), CAR_COLOUR)
+        _draw_car(view, to_pixels(_body(episode.xy[t], float(episode.heading[t]))), CAR_COLOUR)
         side = board.copy()
-        _draw_numbers(side, drive, t, float(returns[t]))
+        _draw_numbers(side, episode, t, float(returns[t]))
         frame = np.empty((HEIGHT, MAP_WIDTH + SIDE_WIDTH, 3), np.uint8)
         frame[:, :MAP_WIDTH] = np.asarray(view.reduce(FINE))
         frame[:, MAP_WIDTH:] = np.asarray(side)
@@ -106,7 +106,7 @@ def racer_frames(
 def _map(
     inner: Floats, outer: Floats, centre: Floats, scale: Normalize, title: str
 ) -> tuple[Image.Image, ToPixels]:
-    """Draw what does not move, and return it with the way from metres to its pixels."""
+    """Draw the still parts, and return them with the function from metres to their pixels."""
     figure = Figure((MAP_WIDTH / 100, HEIGHT / 100), dpi=100 * FINE, facecolor="white")
     FigureCanvasAgg(figure)
     figure.text(0.5, 0.955, title, ha="center", va="center", weight="bold", color=style.INK)
@@ -146,18 +146,18 @@ def _ruler(figure: Figure, axes: Axes) -> None:
 def _body(xy: Floats, heading: float) -> Floats:
     """Return the car's four corners and then its front point, (5, 2), m."""
     ahead, left = CAR_LENGTH / 2, CAR_WIDTH / 2
-    body = [[-ahead, -left], [ahead, -left], [ahead, left], [-ahead, left]]
-    own = np.array([*body, [NOSE, 0]])
+    corners = [[-ahead, -left], [ahead, -left], [ahead, left], [-ahead, left]]
+    own = np.array([*corners, [FRONT_OFFSET, 0]])
     cos, sin = np.cos(heading), np.sin(heading)
     return np.asarray(xy + own @ np.array([[cos, sin], [-sin, cos]]))
 
 
 def _draw_car(view: Image.Image, body: Floats, colour: str) -> None:
-    *corners, nose = [tuple(point) for point in body]
+    *corners, front = [tuple(point) for point in body]
     pen = ImageDraw.Draw(view)
     pen.polygon(corners, colour)
     pen.line([*corners, corners[0]], style.INK, width=FINE)
-    pen.circle(nose, 2 * FINE, "white")
+    pen.circle(front, 2 * FINE, "white")
 
 
 def _board() -> Image.Image:
@@ -169,30 +169,30 @@ def _board() -> Image.Image:
     return board
 
 
-def _draw_numbers(side: Image.Image, drive: Drive, t: int, total: float) -> None:
+def _draw_numbers(side: Image.Image, episode: FilmedEpisode, t: int, total: float) -> None:
     """Put the camera's picture and the numbers of step `t` on the board."""
-    side.paste(_enlarged(drive.images[t]), (0, 0))
-    if drive.ranges.shape[1]:
-        view = _scan_view(drive.ranges[t])
+    side.paste(_enlarged(episode.images[t]), (0, 0))
+    if episode.ranges.shape[1]:
+        view = _scan_view(episode.ranges[t])
         side.paste(view, (8, CAMERA_HEIGHT - view.height - 8))
     pen = ImageDraw.Draw(side)
     numbers = (
-        f"{drive.speed[t]:.2f} m/s",
-        f"{round(float(np.rad2deg(drive.steering[t]))):+d}°",
-        f"{drive.progress[t]:.1f} %",
-        f"{drive.reward[t]:+.2f}",
+        f"{episode.speed[t]:.2f} m/s",
+        f"{round(float(np.rad2deg(episode.steering[t]))):+d}°",
+        f"{episode.progress[t]:.1f} %",
+        f"{episode.reward[t]:+.2f}",
     )
     for column, number in enumerate(numbers):
         text = number.replace("-", "−")
         pen.text((COLUMN * (column + 0.5), 408), text, style.INK, font(20, "-Bold"), anchor="mm")
-    height, width = drive.images.shape[1:]
-    steps = f"step {t + 1} of {len(drive.xy)}"
+    height, width = episode.images.shape[1:]
+    steps = f"step {t + 1} of {len(episode.xy)}"
     below = f"camera {width}×{height}  ·  {steps}  ·  return {total:.1f}".replace("-", "−")
     pen.text((SIDE_WIDTH / 2, 450), below, "#555555", font(14), anchor="mm")
 
 
 def _scan_view(ranges: Floats) -> Image.Image:
-    """Draw the lidar's beams around the car, which points up; those that meet something glow."""
+    """Draw the lidar's beams around the car, which points up; those that meet a car are yellow."""
     size, middle = LIDAR_SIZE * FINE, LIDAR_SIZE * FINE / 2
     view = Image.new("RGB", (size, size), "#15171c")
     pen = ImageDraw.Draw(view)
@@ -208,7 +208,7 @@ def _scan_view(ranges: Floats) -> Image.Image:
 
 def beam_ends(ranges: Floats) -> Iterator[tuple[float, float, bool]]:
     """Yield where each beam (B,) ends, ahead and to the left of the lidar (m), and whether free."""
-    angles = np.linspace(BEAMS_FROM, BEAMS_TO, len(ranges))
+    angles = np.linspace(BEAM_ANGLES[0], BEAM_ANGLES[1], len(ranges))
     for angle, reach in zip(angles, ranges, strict=True):
         yield float(np.cos(angle) * reach), float(np.sin(angle) * reach), bool(reach >= RANGE)
 

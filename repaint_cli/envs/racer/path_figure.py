@@ -12,8 +12,9 @@ from matplotlib.colors import Normalize, to_rgb
 
 from repaint_cli.envs.racer.road import draw_road, lane_patches
 from repaint_cli.envs.racer.sweep import cell_of, sweep
+from repaint_cli.envs.racer.track.geometry import Floats
 from repaint_cli.report import style
-from repaint_cli.report.markers import CRASH, EXIT, START, legend, sign
+from repaint_cli.report.markers import CRASH, EXIT, START, legend, legend_entry
 from repaint_cli.report.paths import (
     PathPanel,
     colour_bar,
@@ -24,7 +25,6 @@ from repaint_cli.report.paths import (
     mark,
     scale_of,
 )
-from repaint_cli.statistics import Floats
 
 PASSAGE = 0.35
 """How much of the ground one car's passage hides."""
@@ -66,10 +66,10 @@ def plot_racer(
         frame(axes, paths.label, low, high)
     if any(paths.values is not None for paths in panels):
         colour_bar(figure, panes, scale, unit, extend)
-    signs = [sign("start", START), sign("left the track", EXIT)]
+    entries = [legend_entry("start", START), legend_entry("left the track", EXIT)]
     if any(paths.crashed is not None and paths.crashed.any() for paths in panels):
-        signs.append(sign("crashed", CRASH))
-    legend(figure, [*lane_patches(), *signs])
+        entries.append(legend_entry("crashed", CRASH))
+    legend(figure, [*lane_patches(), *entries])
     style.save(figure, path)
 
 

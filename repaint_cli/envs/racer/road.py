@@ -5,10 +5,11 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Patch, PathPatch
 from matplotlib.path import Path as Outline
 
-from repaint_cli.statistics import Floats
+from repaint_cli.envs.racer.sight.boxes import BOT_LENGTH, BOT_WIDTH
+from repaint_cli.envs.racer.track.geometry import Floats
 
-CAR_LENGTH, CAR_WIDTH = 0.32, 0.19
-"""The body, centred on the base point, m."""
+CAR_LENGTH, CAR_WIDTH = round(BOT_LENGTH, 2), round(BOT_WIDTH, 2)
+"""Of a car in figures: its visible body, in whole cm, centred on the base, m."""
 INNER_LANE, OUTER_LANE, BORDER, DASHES = "#cfcfcf", "#dedede", "#333333", "#ffffff"
 
 

@@ -1,38 +1,38 @@
-"""What cars sweep of the ground, on a grid: how many episodes passed a cell, and how. SI."""
+"""The ground that cars drive over, on a grid: episodes per cell, and their mean values. SI."""
 
 import numpy as np
 
 from repaint_cli.envs.racer.road import CAR_WIDTH
-from repaint_cli.statistics import Floats
+from repaint_cli.envs.racer.track.geometry import Floats
 
 FINEST = 0.01
 """Least edge of a cell, m."""
-MOST_CELLS = 500_000
+MAX_CELLS = 500_000
 
 
 def cell_of(low: Floats, high: Floats) -> float:
     """Return the edge of the cells between two corners (2,), m: coarser for a large field."""
-    return max(FINEST, float(np.sqrt(np.prod(high - low) / MOST_CELLS)))
+    return max(FINEST, float(np.sqrt(np.prod(high - low) / MAX_CELLS)))
 
 
 def sweep(xy: Floats, values: Floats, low: Floats, high: Floats) -> tuple[Floats, Floats]:
-    """Drive cars as wide as the racer's over a grid.
+    """Count the episodes whose car, in its whole width, drove over each cell of a grid.
 
     Args:
-        xy: where they were, (E, T, 2), m; nan after an episode's end.
-        values: what each step counts for, (E, T).
+        xy: positions, (E, T, 2), m; nan after an episode's end.
+        values: of the steps, (E, T).
         low: the grid's lower left corner, (2,), m.
         high: its upper right corner, (2,), m.
 
     Returns:
-        episodes that passed over each cell, and the mean of their values there, nan where none did,
-        each (rows by y, columns by x).
+        the number of episodes in each cell, and the mean of their values there, nan where there are
+        none, each (rows by y, columns by x).
     """
     cell = cell_of(low, high)
     columns, rows = np.ceil((high - low) / cell).astype(int)
     passed, total = np.zeros(rows * columns), np.zeros(rows * columns)
-    for path, worth in zip(xy, values, strict=True):
-        points, weights = _carpet(path[np.isfinite(path).all(1)], worth, cell)
+    for path, path_values in zip(xy, values, strict=True):
+        points, weights = _covering_points(path[np.isfinite(path).all(1)], path_values, cell)
         cells = np.floor((points - low) / cell).astype(int)
         inside = ((cells >= 0) & (cells < [columns, rows])).all(1)
         at = cells[inside, 1] * columns + cells[inside, 0]
@@ -44,12 +44,18 @@ def sweep(xy: Floats, values: Floats, low: Floats, high: Floats) -> tuple[Floats
     return passed.reshape(rows, columns), means.reshape(rows, columns)
 
 
-def _carpet(path: Floats, values: Floats, cell: float) -> tuple[Floats, Floats]:
-    """Return points that cover a car's way (T, 2) densely, (P, 2), and their values, (P,)."""
+def _covering_points(path: Floats, values: Floats, cell: float) -> tuple[Floats, Floats]:
+    """Return points that densely cover the ground under a car's path, (P, 2), and values, (P,).
+
+    Args:
+        path: of the car, (T, 2), m.
+        values: of its steps, at least T of them.
+        cell: edge of the grid's cells, m.
+    """
     if len(path) < 2:
         return np.empty((0, 2)), np.empty(0)
-    ways = np.gradient(path, axis=0)
-    aside = np.stack([-ways[:, 1], ways[:, 0]], axis=1)
+    steps = np.gradient(path, axis=0)
+    aside = np.stack([-steps[:, 1], steps[:, 0]], axis=1)
     aside /= np.maximum(np.hypot(*aside.T), 1e-9)[:, None]
     longest = float(np.hypot(*np.diff(path, axis=0).T).max())
     shares = np.linspace(0, 1, 1 + int(np.ceil(1.5 * longest / cell)))[:, None, None]
@@ -59,5 +65,5 @@ def _carpet(path: Floats, values: Floats, cell: float) -> tuple[Floats, Floats]:
         return ends[:-1] + shares * (ends[1:] - ends[:-1])  # (shares, T−1, 2)
 
     points = between(path) + across * CAR_WIDTH * between(aside)  # (across, shares, T−1, 2)
-    worth = np.broadcast_to(values[1 : len(path)], points.shape[:-1])
-    return points.reshape(-1, 2), worth.reshape(-1)
+    point_values = np.broadcast_to(values[1 : len(path)], points.shape[:-1])
+    return points.reshape(-1, 2), point_values.reshape(-1)

@@ -1,4 +1,4 @@
-"""A whole training at a glance: where the car drove and how far it came. Metres, per cent.
+"""Figures of a whole training: where the car drove, and its lap progress. Metres, per cent.
 
 **T** steps · **M** corners of a line.
 """
@@ -15,26 +15,31 @@ from matplotlib.ticker import MaxNLocator
 
 from repaint_cli.envs.racer.deepracer.traces import Trace
 from repaint_cli.envs.racer.road import draw_road
+from repaint_cli.envs.racer.track.geometry import Floats
 from repaint_cli.report import style
-from repaint_cli.report.markers import CRASH, EXIT, Sign, legend, sign
-from repaint_cli.statistics import Floats
+from repaint_cli.report.markers import CRASH, EXIT, Marker, legend, legend_entry
 
 QUARTERS = 4
 CELL = 0.05
 """Edge of a cell of the heat-map, m."""
 
 
-Drive = tuple[int, Trace]
-"""A training episode and its iteration, from 1."""
+TrainingEpisode = tuple[int, Trace]
+"""An iteration, from 1, and an episode of it."""
 
 
 def plot_heatmap(
-    drives: Sequence[Drive], inner: Floats, outer: Floats, centre: Floats, path: Path, title: str
+    episodes: Sequence[TrainingEpisode],
+    inner: Floats,
+    outer: Floats,
+    centre: Floats,
+    path: Path,
+    title: str,
 ) -> None:
     """Draw where the car was in each quarter of its training, and where episodes ended badly.
 
     Args:
-        drives: all training episodes, in order.
+        episodes: all training episodes, in order.
         inner: border on the infield side, (M, 2), m.
         outer: border on the outfield side, (M, 2), m.
         centre: centre line, (M, 2), m.
@@ -44,39 +49,52 @@ def plot_heatmap(
     Raises:
         StoreError: the file cannot be written.
     """
-    points = np.concatenate([inner, outer, *(trace.xy for _, trace in drives)])
+    points = np.concatenate([inner, outer, *(trace.xy for _, trace in episodes)])
     low, high = points.min(0) - 0.2, points.max(0) + 0.2
     side, aspect = 4.3, float(np.clip(np.divide(*(high - low)[::-1]), 0.4, 1.4))
     figure = style.new_figure(2 * side + 1.2, 2 * (side * aspect + 0.4) + 1.1)
     style.headline(figure, title)
     grid = figure.subplots(2, 2, sharex=True, sharey=True)
-    quarters = _quarters(drives)
+    quarters = _quarters(episodes)
     edges = [np.arange(a, b + CELL, CELL) for a, b in zip(low, high, strict=True)]
     visits = [_visits(quarter, edges) for quarter in quarters]
     scale = LogNorm(1, max(2.0, *(float(count.max()) for count in visits)))
     for axes, quarter, count in zip(grid.flat, quarters, visits, strict=True):
         draw_road(axes, inner, outer, centre)
-        seen = np.ma.masked_less(count.T, 1)
-        axes.pcolormesh(*edges, seen, cmap=style.ramp(), norm=scale, zorder=2.5, alpha=0.9)
-        _mark_ends(axes, quarter)
+        _draw_quarter(axes, quarter, count, edges, scale)
         axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
-        axes.set_title(_label(quarter), size=style.TEXT_SIZE - 0.5, color=style.INK)
-        axes.set_aspect("equal")
-        style.tidy(axes)
-    for below, beside in zip(grid[-1], grid[:, 0], strict=True):
-        below.set_xlabel("x [m]", size=style.NOTE_SIZE)
-        beside.set_ylabel("y [m]", size=style.NOTE_SIZE)
+    for lowest, leftmost in zip(grid[-1], grid[:, 0], strict=True):
+        lowest.set_xlabel("x [m]", size=style.NOTE_SIZE)
+        leftmost.set_ylabel("y [m]", size=style.NOTE_SIZE)
     _colour_bar(figure, list(grid.flat), scale)
-    crashed = [sign("crashed", CRASH)] if any(t.status == "crashed" for _, t in drives) else []
-    legend(figure, [sign("left the track", EXIT), *crashed])
+    entries = [legend_entry("left the track", EXIT)]
+    if any(trace.status == "crashed" for _, trace in episodes):
+        entries.append(legend_entry("crashed", CRASH))
+    legend(figure, entries)
     style.save(figure, path)
 
 
-def _mark_ends(axes: Axes, quarter: Sequence[Drive]) -> None:
+def _draw_quarter(
+    axes: Axes,
+    quarter: Sequence[TrainingEpisode],
+    visits: Floats,
+    edges: list[Floats],
+    scale: LogNorm,
+) -> None:
+    """Draw a panel's cells, by their visits (columns, rows), and the ends of its episodes."""
+    visited = np.ma.masked_less(visits.T, 1)
+    axes.pcolormesh(*edges, visited, cmap=style.ramp(), norm=scale, zorder=2.5, alpha=0.9)
+    _mark_ends(axes, quarter)
+    axes.set_title(_label(quarter), size=style.TEXT_SIZE - 0.5, color=style.INK)
+    axes.set_aspect("equal")
+    style.tidy(axes)
+
+
+def _mark_ends(axes: Axes, quarter: Sequence[TrainingEpisode]) -> None:
     """Mark where episodes left the road or crashed."""
     for status, mark in (("off_track", EXIT), ("crashed", CRASH)):
         ends = [trace.xy[-1] for _, trace in quarter if trace.status == status]
-        small: Sign = mark | {"markersize": 5, "markeredgewidth": 0.6}
+        small: Marker = mark | {"markersize": 5, "markeredgewidth": 0.6}
         axes.plot(*np.array(ends).reshape(-1, 2).T, linestyle="none", zorder=5, **small)
 
 
@@ -91,11 +109,13 @@ def _colour_bar(figure: Figure, grid: list[Axes], scale: LogNorm) -> None:
     bar.outline.set_visible(False)
 
 
-def plot_progress(drives: Sequence[Drive], evaluated: Floats, path: Path, title: str) -> None:
-    """Draw how far each training episode came, their mean, and that of the evaluations.
+def plot_progress(
+    episodes: Sequence[TrainingEpisode], evaluated: Floats, path: Path, title: str
+) -> None:
+    """Draw the progress of each training episode, their mean, and that of the evaluations.
 
     Args:
-        drives: all training episodes.
+        episodes: all training episodes.
         evaluated: mean lap progress of the evaluation after each iteration, (K,), %.
         path: of the PNG.
         title: over the whole figure.
@@ -106,9 +126,23 @@ def plot_progress(drives: Sequence[Drive], evaluated: Floats, path: Path, title:
     figure = style.new_figure(7.6, 4.4)
     style.headline(figure, title)
     axes: Axes = figure.subplots()
-    iterations = np.array([k for k, _ in drives])
-    progress = np.clip([trace.progress[-1] for _, trace in drives], 0, 100)
-    aside = np.random.default_rng(0).uniform(-0.18, 0.18, len(drives))
+    _plot_training_progress(axes, episodes)
+    k = np.arange(1, len(evaluated) + 1)
+    axes.plot(k, evaluated, color="#0072B2", linewidth=2, label="mean of the evaluation")
+    axes.set_ylim(-3, 103)
+    axes.set_xlabel("iteration", size=style.TEXT_SIZE)
+    axes.set_ylabel("lap progress, share of laps [%]", size=style.TEXT_SIZE)
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+    style.tidy(axes)
+    figure.legend(loc="outside lower center", ncols=4, frameon=False, fontsize=style.NOTE_SIZE)
+    style.save(figure, path)
+
+
+def _plot_training_progress(axes: Axes, episodes: Sequence[TrainingEpisode]) -> None:
+    """Plot each training episode's progress, their mean, and the share of whole laps."""
+    iterations = np.array([k for k, _ in episodes])
+    progress = np.clip([trace.progress[-1] for _, trace in episodes], 0, 100)
+    aside = np.random.default_rng(0).uniform(-0.18, 0.18, len(episodes))
     axes.plot(
         iterations + aside,
         progress,
@@ -125,33 +159,24 @@ def plot_progress(drives: Sequence[Drive], evaluated: Floats, path: Path, title:
     axes.plot(
         driven, whole, color="#009E73", linewidth=1.6, linestyle="--", label="share of whole laps"
     )
-    k = np.arange(1, len(evaluated) + 1)
-    axes.plot(k, evaluated, color="#0072B2", linewidth=2, label="mean of the evaluation")
-    axes.set_ylim(-3, 103)
-    axes.set_xlabel("iteration", size=style.TEXT_SIZE)
-    axes.set_ylabel("lap progress, share of laps [%]", size=style.TEXT_SIZE)
-    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
-    style.tidy(axes)
-    figure.legend(loc="outside lower center", ncols=4, frameon=False, fontsize=style.NOTE_SIZE)
-    style.save(figure, path)
 
 
-def _quarters(drives: Sequence[Drive]) -> list[list[Drive]]:
+def _quarters(episodes: Sequence[TrainingEpisode]) -> list[list[TrainingEpisode]]:
     """Split a training by its iterations."""
-    last = max((k for k, _ in drives), default=1)
+    last = max((k for k, _ in episodes), default=1)
     return [
-        [(k, trace) for k, trace in drives if QUARTERS * (k - 1) // last == quarter]
+        [(k, trace) for k, trace in episodes if QUARTERS * (k - 1) // last == quarter]
         for quarter in range(QUARTERS)
     ]
 
 
-def _visits(quarter: Sequence[Drive], edges: list[Floats]) -> Floats:
+def _visits(quarter: Sequence[TrainingEpisode], edges: list[Floats]) -> Floats:
     x, y = np.concatenate([np.empty((0, 2)), *(trace.xy for _, trace in quarter)]).T
     counts, _, _ = np.histogram2d(x, y, bins=(edges[0], edges[1]))
     return np.asarray(counts, dtype=np.float64)
 
 
-def _label(quarter: Sequence[Drive]) -> str:
+def _label(quarter: Sequence[TrainingEpisode]) -> str:
     """Say which part of the training a panel shows, and how many laps it holds."""
     if not quarter:
         return "no episodes"

@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from repaint_cli.learn.rollout.observations import Frames
-from repaint_cli.policies.distributions import side_by_side
+from repaint_cli.policies.distributions import concat_policies
 from repaint_cli.settings import PPOConfig
 
 
@@ -78,7 +78,7 @@ class Batch:
 def _end_to_end(column: Sequence[Any]) -> Any:
     if column[0] is None:
         return None
-    return torch.cat(list(column), 1) if isinstance(column[0], Tensor) else side_by_side(column)
+    return torch.cat(list(column), 1) if isinstance(column[0], Tensor) else concat_policies(column)
 
 
 def share_of(total: int, which: int, of: int) -> int:

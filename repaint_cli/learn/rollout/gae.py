@@ -13,7 +13,7 @@ from repaint_cli.learn.rollout.collect import Policy
 from repaint_cli.learn.rollout.observations import Frames
 from repaint_cli.learn.rollout.storage import Rollout
 from repaint_cli.learn.rollout.transitions import counts_of, flat
-from repaint_cli.policies.distributions import Distribution, joined
+from repaint_cli.policies.distributions import Distribution, concat_samples
 from repaint_cli.settings import PPOConfig
 
 CHUNK = 512
@@ -124,7 +124,7 @@ def _values(rollout: Rollout, value: Value) -> np.ndarray:
 
 def describe(policy: Policy, samples: Samples) -> Distribution:
     """Return a policy's distributions at all samples, (S, B), without gradients."""
-    return joined(list(_passes(policy, samples.frames, samples.rows, samples.counts)))
+    return concat_samples(list(_passes(policy, samples.frames, samples.rows, samples.counts)))
 
 
 def _passes(

@@ -9,7 +9,7 @@ import torch
 
 from repaint_cli.envs.episodes import Steps
 from repaint_cli.learn.rollout.observations import Frames, Store, each, parts
-from repaint_cli.policies.distributions import Distribution, joined
+from repaint_cli.policies.distributions import Distribution, concat_samples
 
 
 @dataclass(frozen=True)
@@ -125,7 +125,9 @@ class Tape:
     def _log_probs(self, actions: np.ndarray) -> np.ndarray:
         """Return log μ(a|s) of actions (T, S, N, …) where somebody looked, (T, S, N), in one go."""
         chosen = [step[seats] for step, seats in zip(actions, self.seats, strict=True)]
-        known = joined(self.distributions).log_prob(torch.from_numpy(np.concatenate(chosen, 1)))
+        known = concat_samples(self.distributions).log_prob(
+            torch.from_numpy(np.concatenate(chosen, 1))
+        )
         log_probs, start = np.zeros(actions.shape[:3], np.float32), 0
         for step, seats, some in zip(log_probs, self.seats, chosen, strict=True):
             step[seats] = known[:, start : start + some.shape[1]]

@@ -19,7 +19,7 @@ from repaint_cli.learn.transfer import schedules
 from repaint_cli.learn.transfer.relevance import relevance
 from repaint_cli.learn.transfer.selection import Chosen, rescale, select, top_share
 from repaint_cli.learn.update.objectives import masked_mean
-from repaint_cli.policies.distributions import Distribution, blend
+from repaint_cli.policies.distributions import Distribution, mixture
 from repaint_cli.policies.networks import ActorCritic
 from repaint_cli.settings import TransferConfig
 from repaint_cli.tasks.card import TaskCard
@@ -68,7 +68,7 @@ def advise(
         describe(soften(teacher.network, transfer), samples)
         for teacher, wanted in zip(teachers, asked.tolist(), strict=True) if wanted
     ]  # fmt: skip
-    return blend(parts, betas[asked])
+    return mixture(parts, betas[asked])
 
 
 def transfer_instances(

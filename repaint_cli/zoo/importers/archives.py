@@ -1,4 +1,4 @@
-"""Zip files and PyTorch's weights by other hands: read with limits, and nothing in them runs."""
+"""Zip files and PyTorch weights of other programs, read with limits; nothing in them runs."""
 
 import io
 import zipfile
@@ -11,8 +11,8 @@ from torch import Tensor
 
 from repaint_cli.errors import CheckpointError
 
-LARGEST = 512 * 2**20
-"""Bytes that a file, or a part of it when unpacked, may have."""
+MAX_BYTES = 512 * 2**20
+"""Bytes that a file, or an unpacked part of it, may have."""
 
 
 def read_members(
@@ -22,17 +22,17 @@ def read_members(
 
     Args:
         data: the file.
-        where: what to call it in an error.
-        names: of the parts; others are not looked at, whatever they are called.
-        optional: more names, of parts that need not be there.
+        where: its name, for messages.
+        names: of the parts; all others are ignored.
+        optional: more names, of parts that may be absent.
 
     Raises:
-        CheckpointError: it is no whole zip file, lacks a part, or a part is too large.
+        CheckpointError: the file is no whole zip file, lacks a part, or a part is too large.
     """
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
-            there = [name for name in optional if name in archive.namelist()]
-            return {name: _member(archive, name, where) for name in (*names, *there)}
+            present = [name for name in optional if name in archive.namelist()]
+            return {name: _member(archive, name, where) for name in (*names, *present)}
     except (zipfile.BadZipFile, zlib.error, EOFError, RuntimeError, ValueError, OSError) as error:
         raise CheckpointError(f"{where} is not a whole zip file ({error})") from error
 
@@ -42,32 +42,33 @@ def _member(archive: zipfile.ZipFile, name: str, where: str) -> bytes:
         raise CheckpointError(f"{where}: expected a part '{name}', found none")
     info = archive.getinfo(name)
     plain = info.compress_type in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
-    if info.file_size > LARGEST or not plain:
+    if info.file_size > MAX_BYTES or not plain:
         raise CheckpointError(
-            f"{where}: expected a part '{name}' of at most {LARGEST} bytes, stored or deflated, "
+            f"{where}: expected a part '{name}' of at most {MAX_BYTES} bytes, stored or deflated, "
             f"found {info.file_size} by method {info.compress_type}"
         )
     with archive.open(info) as file:
-        return file.read(LARGEST)
+        return file.read(MAX_BYTES)
 
 
 def read_tensors(data: bytes, where: str) -> dict[str, Tensor]:
     """Return the tensors of a file that `torch.save` wrote from a `state_dict`.
 
     Raises:
-        CheckpointError: it is damaged, holds anything else, or numbers that are not finite.
+        CheckpointError: the file is damaged, holds anything but tensors by name, or holds numbers
+            that are not finite or of another type than float32.
     """
     _check_unpacked(data, where)
     try:
-        found = torch.load(io.BytesIO(data), map_location="cpu", weights_only=True)
-    except Exception as error:  # whatever a damaged or malicious file makes torch say
+        tensors = torch.load(io.BytesIO(data), map_location="cpu", weights_only=True)
+    except Exception as error:  # torch raises errors of many kinds
         reason = str(error).strip().partition("\n")[0][:120]
         raise CheckpointError(f"{where} holds no plain tensors ({reason})") from error
-    if not isinstance(found, dict) or not all(isinstance(name, str) for name in found):
-        raise CheckpointError(f"{where}: expected tensors by name, found {type(found).__name__}")
-    for name, tensor in found.items():
+    if not isinstance(tensors, dict) or not all(isinstance(name, str) for name in tensors):
+        raise CheckpointError(f"{where}: expected tensors by name, found {type(tensors).__name__}")
+    for name, tensor in tensors.items():
         _check_tensor(name, tensor, len(data), where)
-    return dict(found)
+    return dict(tensors)
 
 
 def _check_unpacked(data: bytes, where: str) -> None:

@@ -9,29 +9,35 @@ from pathlib import Path
 
 from torch import Tensor
 
-from repaint_cli.errors import CheckpointError
+from repaint_cli.errors import CheckpointError, reported_as
 from repaint_cli.files.limits import read_bytes
 from repaint_cli.policies.architecture import NetConfig
 from repaint_cli.policies.spaces import Spaces
-from repaint_cli.zoo.importers.archives import LARGEST, read_tensors
-from repaint_cli.zoo.importers.imported import CAMERA, Imported, check_nothing_left, renamed, widths
+from repaint_cli.zoo.importers.archives import MAX_BYTES, read_tensors
+from repaint_cli.zoo.importers.imported import (
+    CAMERA_LAYERS,
+    Imported,
+    check_nothing_left,
+    renamed,
+    widths,
+)
 
 WORKS = "what can be read: ppo.py, ppo_continuous_action.py and ppo_atari.py"
 
 CRITIC = {"value.0": "critic.0", "value.1": "critic.2", "value.head": "critic.4"}
-EYES = ("network.0", "network.2", "network.4", "network.7")
+CAMERA_LAYER_NAMES = ("network.0", "network.2", "network.4", "network.7")
 LAYOUTS = {
     "ppo.py": CRITIC | {"policy.0": "actor.0", "policy.1": "actor.2", "policy.head": "actor.4"},
     "ppo_continuous_action.py": CRITIC
     | {"policy.0": "actor_mean.0", "policy.1": "actor_mean.2", "policy.head": "actor_mean.4"},
     "ppo_atari.py": {"policy.head": "actor", "value.head": "critic"}
     | {
-        f"{tower}.{ours}": theirs
-        for tower in ("policy", "value")
-        for ours, theirs in zip(CAMERA, EYES, strict=True)
+        f"{network}.{layer}": name
+        for network in ("policy", "value")
+        for layer, name in zip(CAMERA_LAYERS, CAMERA_LAYER_NAMES, strict=True)
     },
 }
-"""The scripts, and their layers' names there by ours."""
+"""By script: its names of layers, by ours."""
 
 
 def read(path: Path, spaces: Spaces) -> tuple[Imported, bool]:
@@ -42,39 +48,41 @@ def read(path: Path, spaces: Spaces) -> tuple[Imported, bool]:
         spaces: of the task; a state dict does not say how large an image is.
 
     Returns:
-        The policy, and whether its script normalised what it saw, which the file does not hold.
+        The policy, and whether its script normalises observations; the file does not hold how.
 
     Raises:
-        CheckpointError: the file is absent or damaged, or of another layout.
+        CheckpointError: the file is absent or damaged, or has the layers of no known script.
     """
-    found = read_tensors(read_bytes(path, CheckpointError, LARGEST), str(path))
-    script = _script(found, path)
+    with reported_as(CheckpointError):
+        data = read_bytes(path, MAX_BYTES)
+    tensors = read_tensors(data, str(path))
+    script = _script(tensors, path)
     layers, continuous = LAYOUTS[script], script == "ppo_continuous_action.py"
     others = {"actor_logstd"} if continuous else set[str]()
-    leaves = renamed(found, layers, str(path))
-    check_nothing_left(found, layers, others, str(path))
+    leaves = renamed(tensors, layers, str(path))
+    check_nothing_left(tensors, layers, others, str(path))
     if continuous:
-        leaves["policy.log_std"] = found["actor_logstd"].flatten()
+        leaves["policy.log_std"] = tensors["actor_logstd"].flatten()
     n_actions = leaves["policy.head.bias"].numel()
     shape: tuple[int, ...]
     if script == "ppo_atari.py":
         height, width = spaces.obs_shape[:2] if spaces.image else (84, 84)
-        first, dense = found["network.0.weight"], leaves["policy.dense.bias"].numel()
+        first, dense = tensors["network.0.weight"], leaves["policy.dense.bias"].numel()
         shape = (height, width, first.shape[1] if first.ndim == 4 else 0)
         net = NetConfig(kind="cnn", conv="3-layer", dense=max(dense, 1), pool=1)
     else:
-        shape = tuple(found["critic.0.weight"].shape[1:])
+        shape = tuple(tensors["critic.0.weight"].shape[1:])
         actor = layers["policy.0"].partition(".")[0]
-        hidden, of_critic = (widths(found, name, 2, str(path)) for name in (actor, "critic"))
+        hidden, of_critic = (widths(tensors, name, 2, str(path)) for name in (actor, "critic"))
         net = NetConfig(hidden=hidden, value_hidden=None if of_critic == hidden else of_critic)
     return Imported(Spaces(shape, n_actions, not continuous), net, leaves, "ppo"), continuous
 
 
-def _script(found: Mapping[str, Tensor], path: Path) -> str:
-    """Tell from which script a state dict is."""
+def _script(tensors: Mapping[str, Tensor], path: Path) -> str:
+    """Return the script that a state dict is from."""
     for script, layers in LAYOUTS.items():
-        logstd = ("actor_logstd" in found) == (script == "ppo_continuous_action.py")
-        if logstd and all(f"{theirs}.weight" in found for theirs in layers.values()):
+        logstd = ("actor_logstd" in tensors) == (script == "ppo_continuous_action.py")
+        if logstd and all(f"{layer}.weight" in tensors for layer in layers.values()):
             return script
-    names = ", ".join(sorted(found)[:4]) or "nothing"
+    names = ", ".join(sorted(tensors)[:4]) or "nothing"
     raise CheckpointError(f"{path}: found parameters {names}, … of another script; {WORKS}")

@@ -1,4 +1,4 @@
-"""What every reader of foreign policies returns, and how a teacher is made of it."""
+"""A policy of another library, and the teacher made of it."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -12,7 +12,8 @@ from repaint_cli.errors import CheckpointError, TeacherMismatch, UsageError
 from repaint_cli.learn.evaluation import spaces_of
 from repaint_cli.policies import weights
 from repaint_cli.policies.architecture import NetConfig
-from repaint_cli.policies.networks import ActorCritic, leaves_of
+from repaint_cli.policies.networks import ActorCritic
+from repaint_cli.policies.parameters import leaves_of
 from repaint_cli.policies.spaces import Spaces
 from repaint_cli.provenance import versions
 from repaint_cli.tasks.card import TaskCard
@@ -21,47 +22,47 @@ from repaint_cli.zoo.importers.statistics import Statistics
 from repaint_cli.zoo.scoring import score
 from repaint_cli.zoo.teacher_card import TeacherCard
 
-CAMERA = ("conv0", "conv1", "conv2", "dense")
-"""Our names of the layers of the camera network that Stable-Baselines3 and cleanrl have, too."""
+CAMERA_LAYERS = ("conv0", "conv1", "conv2", "dense")
+"""Our names of the layers of the NatureCNN, which Stable-Baselines3 and cleanrl have too."""
 
 
 @dataclass(frozen=True)
 class Imported:
-    """A policy and its critic from elsewhere."""
+    """A policy and its critic, read from another library's file."""
 
     spaces: Spaces
-    """What it reads and writes."""
+    """Of its observations and actions."""
     net: NetConfig
-    """Its networks."""
+    """Its layers."""
     leaves: dict[str, Tensor]
     """Their parameters, by our names."""
     algorithm: str
-    """What trained it."""
+    """That trained it."""
     seed: int = 0
-    """Its seed, 0 where it does not say."""
+    """Of its training; 0 where the file has none."""
     env_steps: int = 0
-    """Environment steps it had taken, 0 where it does not say."""
+    """That it was trained for; 0 where the file has no count."""
     versions: dict[str, str] = field(default_factory=dict)
-    """Of the libraries it was made with."""
+    """Of the libraries that made it."""
 
 
 def as_teacher(
     policy: Imported, statistics: Statistics | None, name: str, task: TaskCard
 ) -> tuple[ActorCritic, TeacherCard]:
-    """Make a foreign policy a teacher of a task, and score it there.
+    """Make an imported policy a teacher of a task, and score it there.
 
     Args:
-        policy: what was read.
-        statistics: how it saw its observations; None as they are.
-        name: what the teacher is to be called.
-        task: what it was trained on.
+        policy: from another library.
+        statistics: of its normalised observations; None where it normalises none.
+        name: of the teacher.
+        task: that it was trained on.
 
     Raises:
-        TeacherMismatch: it does not fit the task.
+            TeacherMismatch: the policy or the statistics do not fit the task.
         UsageError: statistics are given for a policy of images.
         CardError: the task's environment cannot be made.
     """
-    spaces, (net, seen) = spaces_of(task), _sight(policy, statistics)
+    spaces, (net, normalizer) = spaces_of(task), _normalizer(policy, statistics)
     card = TeacherCard(
         name=name,
         task=task.model_copy(update={"net": net}),
@@ -76,16 +77,18 @@ def as_teacher(
         versions=versions() | policy.versions,
         created=datetime.now(UTC).isoformat(timespec="seconds"),
     )
-    if problem := store.misfit(card, task, spaces):
+    if problem := store.mismatch(card, task, spaces):
         raise TeacherMismatch(f"{problem}; give the --task it was trained on")
     _check_leaves(policy, card)
     network = ActorCritic(spaces, net, 1)
-    weights.load_policy(network, policy.leaves | seen, f"teacher '{name}'")
+    weights.load_policy(network, policy.leaves | normalizer, f"teacher '{name}'")
     return network, card.model_copy(update={"score": score(network, task, policy.seed)})
 
 
-def _sight(policy: Imported, statistics: Statistics | None) -> tuple[NetConfig, dict[str, Tensor]]:
-    """Return the networks with the normaliser's bounds, and its statistics as parameters."""
+def _normalizer(
+    policy: Imported, statistics: Statistics | None
+) -> tuple[NetConfig, dict[str, Tensor]]:
+    """Return the layers with the normaliser's bounds, and its statistics as leaves."""
     if policy.spaces.image:
         if statistics:
             raise UsageError("expected no statistics of images, found some: --vecnormalize none")
@@ -101,80 +104,82 @@ def _sight(policy: Imported, statistics: Statistics | None) -> tuple[NetConfig, 
                 f"the policy reads {n} numbers, the statistics are of {len(mean)}"
             )
     bounds = {"obs_clip": clip or "none", "obs_min_std": 0.0}
-    seen = {"mean": mean, "var": var, "count": torch.tensor(count or 0.0, dtype=torch.float64)}
-    leaves = {f"normalizer.{name}": tensor for name, tensor in seen.items()}
+    state = {"mean": mean, "var": var, "count": torch.tensor(count or 0.0, dtype=torch.float64)}
+    leaves = {f"normalizer.{name}": tensor for name, tensor in state.items()}
     return policy.net.model_copy(update=bounds), leaves
 
 
 def _check_leaves(policy: Imported, card: TeacherCard) -> None:
-    """Check every parameter's shape before there is room for any."""
-    towers = leaves_of(policy.spaces, card.task.net)
-    wanted = {leaf.name: leaf.shape for leaf in towers["policy"] + towers["value"]}
-    for name in sorted(wanted.keys() | policy.leaves.keys()):
-        found = tuple(policy.leaves[name].shape) if name in policy.leaves else "absent"
-        if found != wanted.get(name, "absent"):
+    """Check every leaf's shape before memory is allocated for any."""
+    networks = leaves_of(policy.spaces, card.task.net)
+    expected = {leaf.name: leaf.shape for leaf in networks["policy"] + networks["value"]}
+    for name in sorted(expected.keys() | policy.leaves.keys()):
+        shape = tuple(policy.leaves[name].shape) if name in policy.leaves else "absent"
+        if shape != expected.get(name, "absent"):
             raise TeacherMismatch(
-                f"teacher '{card.name}': '{name}' is {found}, for {policy.spaces} it must be "
-                f"{wanted.get(name, 'absent')}"
+                f"teacher '{card.name}': '{name}' is {shape}, for {policy.spaces} it must be "
+                f"{expected.get(name, 'absent')}"
             )
 
 
 def renamed(
-    found: Mapping[str, Tensor], layers: Mapping[str, str], where: str
+    tensors: Mapping[str, Tensor], layers: Mapping[str, str], where: str
 ) -> dict[str, Tensor]:
-    """Return layers under our names, dense ones with their inputs first, as we have them.
+    """Return layers by our names, dense ones transposed, so that their inputs come first.
 
     Args:
-        found: parameters by their names elsewhere.
-        layers: their layers by ours.
-        where: what to call the file in an error.
+        tensors: of the file, by the library's names.
+        layers: the library's names of layers, by ours.
+        where: the file's name, for messages.
 
     Raises:
         CheckpointError: a parameter is missing.
     """
     leaves = {}
-    for ours, theirs in layers.items():
+    for layer, name in layers.items():
         for part in ("weight", "bias"):
-            tensor = found.get(f"{theirs}.{part}")
+            tensor = tensors.get(f"{name}.{part}")
             if tensor is None:
-                raise CheckpointError(f"{where}: expected '{theirs}.{part}', found none")
-            leaves[f"{ours}.{part}"] = tensor.T if tensor.ndim == 2 else tensor
+                raise CheckpointError(f"{where}: expected '{name}.{part}', found none")
+            leaves[f"{layer}.{part}"] = tensor.T if tensor.ndim == 2 else tensor
     return leaves
 
 
 def check_nothing_left(
-    found: Mapping[str, Tensor], used: Mapping[str, str], others: set[str], where: str
+    tensors: Mapping[str, Tensor], layers: Mapping[str, str], others: set[str], where: str
 ) -> None:
-    """Check that every parameter of a file has its place.
+    """Check that every tensor of a file is used.
 
     Args:
-        found: parameters by their names elsewhere.
-        used: their layers by ours.
-        others: parameters that are no layers', or are there twice.
-        where: what to call the file in an error.
+        tensors: of the file, by the library's names.
+        layers: the library's names of layers, by ours.
+        others: tensors that belong to no layer, or are copies.
+        where: the file's name, for messages.
 
     Raises:
-        CheckpointError: one has none.
+        CheckpointError: a tensor is neither a layer's nor one of the others.
     """
-    known = {f"{theirs}.{part}" for theirs in used.values() for part in ("weight", "bias")}
-    for name in sorted(found.keys() - known - others):
+    known = {f"{name}.{part}" for name in layers.values() for part in ("weight", "bias")}
+    for name in sorted(tensors.keys() - known - others):
         raise CheckpointError(f"{where}: '{name}' belongs to no policy that can be read here")
 
 
-def widths(found: Mapping[str, Tensor], prefix: str, n_layers: int, where: str) -> tuple[int, ...]:
-    """Return how wide dense layers with activations between them are.
+def widths(
+    tensors: Mapping[str, Tensor], prefix: str, n_layers: int, where: str
+) -> tuple[int, ...]:
+    """Return the widths of dense layers with activations between them.
 
     Args:
-        found: parameters by their names elsewhere: prefix.0, prefix.2, …
+        tensors: of the file, by the library's names: prefix.0, prefix.2, …
         prefix: of the layers.
-        n_layers: how many of them.
-        where: what to call the file in an error.
+        n_layers: their number.
+        where: the file's name, for messages.
 
     Raises:
-        CheckpointError: one is missing, or nothing wide.
+        CheckpointError: a layer's bias is missing, empty, or no vector.
     """
     names = [f"{prefix}.{2 * layer}.bias" for layer in range(n_layers)]
     for name in names:
-        if name not in found or found[name].ndim != 1 or not len(found[name]):
+        if name not in tensors or tensors[name].ndim != 1 or not len(tensors[name]):
             raise CheckpointError(f"{where}: expected a layer's '{name}', found none")
-    return tuple(len(found[name]) for name in names)
+    return tuple(len(tensors[name]) for name in names)

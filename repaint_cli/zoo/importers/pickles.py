@@ -1,22 +1,22 @@
-"""Pickle files read as data: what they name is text here, never imported, made or called.
+"""Pickle files read as data: the names in them are text here, never imported or called.
 
-Python's own unpickler does whatever a file says. This one knows the opcodes that numbers, texts and
-arrays need, and of the names only those in `KNOWN`, for which it keeps a record of what would have
-been made. Nothing here recurses, hashes anything but text, or makes room for more than it was
-given.
+Python's own unpickler runs whatever a file says. This one knows the opcodes that numbers, texts and
+arrays need, and of the names only those in `KNOWN`. Where Python would make an object, it keeps a
+record. Nothing here recurses, hashes anything but text, or allocates more than the file's size.
 """
 
 import pickletools
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from math import prod
 from typing import Any
 
 import numpy as np
 
-MOST_OPCODES = 200_000
-"""More than this is no file of statistics."""
+from repaint_cli.files.npy import NotAnArray, array_over
+
+MAX_OPCODES = 200_000
+"""Far more than a file of statistics has."""
 
 _NUMPY = ("numpy.core", "numpy._core")
 _SPACES = (
@@ -39,7 +39,7 @@ KNOWN = frozenset(
         *(f"{library}.spaces.{name}" for library in ("gym", "gymnasium") for name in _SPACES),
     ]
 )
-"""What a file may name: classes and functions of which it may speak."""
+"""The classes and functions that a file may name."""
 
 _NUMBERS = frozenset(f"{kind}{size}" for kind in "fiu" for size in (1, 2, 4, 8)) - {"f1"}
 
@@ -54,30 +54,30 @@ class Name:
 
 @dataclass(eq=False)
 class Record:
-    """What a file would have had made."""
+    """An object that Python's unpickler would have made."""
 
     name: str
-    """By which class or function."""
+    """Of the class or function that would have made it."""
     args: tuple[Any, ...]
-    """From what."""
+    """Of that call."""
     state: Any = None
-    """What it would have been filled with."""
+    """Of the object, set after the call."""
     items: dict[str, Any] = field(default_factory=dict)
-    """What would have been put into it."""
+    """Of the object where it is a dict, set after the call."""
 
 
 class Refused(ValueError):
-    """A pickle that is damaged, or more than data; says what was found."""
+    """A pickle that is damaged, or more than data; the message says what it holds."""
 
 
 def read(data: bytes) -> Any:
-    """Return what a pickle holds: numbers, texts, bytes, lists, tuples, dicts and records.
+    """Return a pickle's value: numbers, texts, bytes, lists, tuples, dicts and records.
 
     Raises:
-        Refused: it is damaged, or more than data.
+        Refused: the pickle is damaged, or more than data.
     """
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # what odd escapes make Python say
+        warnings.simplefilter("ignore")  # about odd escapes in the file
         try:
             return _run(data)
         except Refused:
@@ -91,8 +91,8 @@ def _run(data: bytes) -> Any:
     for count, (opcode, argument, _) in enumerate(pickletools.genops(data)):
         if opcode.name == "STOP":
             break
-        if count == MOST_OPCODES:
-            raise Refused(f"more than {MOST_OPCODES} opcodes")
+        if count == MAX_OPCODES:
+            raise Refused(f"more than {MAX_OPCODES} opcodes")
         step = _STEPS.get(opcode.name)
         if step is None:
             raise Refused(f"the opcode {opcode.name}")
@@ -194,54 +194,53 @@ _STEPS: dict[str, _Step] = {
 """What each opcode does; all others are refused."""
 
 
-def array_of(found: Any) -> np.ndarray:
-    """Return the array of numbers that a record speaks of.
+def array_of(value: Any) -> np.ndarray:
+    """Return the array of numbers that a record describes.
 
     Raises:
-        Refused: it speaks of something else, or of more numbers than it holds.
+        Refused: the value is no record of an array, or the record holds more or fewer numbers than
+            its shape says.
     """
-    name = found.name if isinstance(found, Record) else ""
-    if name.endswith("._reconstruct") and isinstance(found.state, tuple) and len(found.state) == 5:
-        _, shape, kind, fortran, data = found.state
-        return shaped(data, _dtype(kind), shape, fortran=fortran is True)
-    if name.endswith("._frombuffer") and len(found.args) == 4:
-        data, kind, shape, order = found.args
-        return shaped(data, _dtype(kind), shape, fortran=order == "F")
+    name = value.name if isinstance(value, Record) else ""
+    if name.endswith("._reconstruct") and isinstance(value.state, tuple) and len(value.state) == 5:
+        _, shape, dtype, fortran, data = value.state
+        return _array(data, dtype, shape, fortran=fortran is True)
+    if name.endswith("._frombuffer") and len(value.args) == 4:
+        data, dtype, shape, order = value.args
+        return _array(data, dtype, shape, fortran=order == "F")
     raise Refused("no array of numbers")
 
 
-def number_of(found: Any) -> float:
-    """Return the number that a value is, or that a record speaks of.
+def number_of(value: Any) -> float:
+    """Return a number, or the one that a record describes.
 
     Raises:
-        Refused: it is none.
+        Refused: the value is neither.
     """
-    if type(found) is float or (type(found) is int and found.bit_length() <= 64):
-        return float(found)
-    if isinstance(found, Record) and found.name.endswith(".scalar") and len(found.args) == 2:
-        kind, data = found.args
-        return float(shaped(data, _dtype(kind), ()))
+    if type(value) is float or (type(value) is int and value.bit_length() <= 64):
+        return float(value)
+    if isinstance(value, Record) and value.name.endswith(".scalar") and len(value.args) == 2:
+        dtype, data = value.args
+        return float(_array(data, dtype, ()))
     raise Refused("no number")
 
 
-def shaped(data: Any, kind: np.dtype[Any], shape: Any, *, fortran: bool = False) -> np.ndarray:
-    """Return an array over given bytes, read-only or not as they are.
-
-    Raises:
-        Refused: they are of another size than the shape says.
-    """
+def _array(data: Any, dtype: Any, shape: Any, *, fortran: bool = False) -> np.ndarray:
+    """Return the array that parts of a record, of any type, describe."""
+    numbers = _dtype(dtype)
     sizes = isinstance(shape, tuple) and all(type(n) is int and n >= 0 for n in shape)
-    if not sizes or len(shape) > 8 or not isinstance(data, bytes | bytearray):
+    if not sizes or not isinstance(data, bytes | bytearray):
         raise Refused("no array of numbers")
-    if prod(shape) * kind.itemsize != len(data):
-        raise Refused(f"an array of another size than its {len(data)} bytes")
-    return np.frombuffer(data, kind).reshape(shape, order="F" if fortran else "C")
+    try:
+        return array_over(data, numbers, shape, fortran=fortran)
+    except NotAnArray as error:
+        raise Refused(str(error)) from error
 
 
-def _dtype(found: Any) -> np.dtype[Any]:
-    """Return the kind of number that a record of a dtype speaks of."""
-    if isinstance(found, Record) and found.name == "numpy.dtype" and found.args:
-        code, state = found.args[0], found.state
+def _dtype(value: Any) -> np.dtype[Any]:
+    """Return the type of numbers that a record of a dtype describes."""
+    if isinstance(value, Record) and value.name == "numpy.dtype" and value.args:
+        code, state = value.args[0], value.state
         order = state[1] if isinstance(state, tuple) and len(state) > 1 else "="
         if type(code) is str and code in _NUMBERS and order in ("<", ">", "=", "|"):
             return np.dtype(f"{order}{code}")

@@ -11,16 +11,22 @@ from typing import Any
 
 from torch import Tensor
 
-from repaint_cli.errors import CheckpointError
-from repaint_cli.files.limits import parsed, read_bytes
+from repaint_cli.errors import CheckpointError, reported_as
+from repaint_cli.files.limits import parse, read_bytes
 from repaint_cli.policies.architecture import NetConfig
 from repaint_cli.policies.spaces import Spaces
-from repaint_cli.zoo.importers.archives import LARGEST, read_members, read_tensors
-from repaint_cli.zoo.importers.imported import CAMERA, Imported, check_nothing_left, renamed, widths
+from repaint_cli.zoo.importers.archives import MAX_BYTES, read_members, read_tensors
+from repaint_cli.zoo.importers.imported import (
+    CAMERA_LAYERS,
+    Imported,
+    check_nothing_left,
+    renamed,
+    widths,
+)
 
 DATA, WEIGHTS, VERSION = "data", "policy.pth", "_stable_baselines3_version"
 
-LARGEST_SETTINGS = 16 * 2**20
+MAX_SETTINGS_BYTES = 16 * 2**20
 """Bytes of JSON; last observations, which may be images, are among them."""
 
 WORKS = "what can be read: PPO and A2C with MlpPolicy or CnnPolicy"
@@ -41,8 +47,8 @@ HARMLESS = {
 }  # fmt: skip
 """Settings of a policy that do not change what it does, or that its weights show."""
 
-EYES = ("cnn.0", "cnn.2", "cnn.4", "linear.0")
-"""SB3's names of the layers of its camera network."""
+CAMERA_LAYER_NAMES = ("cnn.0", "cnn.2", "cnn.4", "linear.0")
+"""SB3's names of `CAMERA_LAYERS`."""
 
 
 def read(path: Path) -> tuple[Imported, bool]:
@@ -54,44 +60,48 @@ def read(path: Path) -> tuple[Imported, bool]:
     Raises:
         CheckpointError: the file is absent or damaged, or a policy of another kind.
     """
-    parts = read_members(
-        read_bytes(path, CheckpointError, LARGEST), str(path), [DATA, WEIGHTS], [VERSION]
-    )
+    with reported_as(CheckpointError):
+        archive = read_bytes(path, MAX_BYTES)
+    parts = read_members(archive, str(path), [DATA, WEIGHTS], [VERSION])
     data = _settings(parts[DATA], path)
-    found = read_tensors(parts[WEIGHTS], f"{path}: {WEIGHTS}")
+    tensors = read_tensors(parts[WEIGHTS], f"{path}: {WEIGHTS}")
     algorithm, spaces = _algorithm(data, path), _spaces(data, path)
     activation = _activation(_policy_settings(data, path), spaces, path)
     if spaces.image:
-        net, layers = _camera(found, str(path))
+        net, layers = _camera(tensors, str(path))
     else:
-        net, layers = _dense(found, activation, str(path))
+        net, layers = _dense(tensors, activation, str(path))
     layers |= {"policy.head": "action_net", "value.head": "value_net"}
-    leaves = renamed(found, layers, str(path))
-    if not spaces.discrete and "log_std" in found:
-        leaves["policy.log_std"] = found["log_std"]
-    others = {name for name in found if spaces.image and name.startswith("features_extractor.")}
+    leaves = renamed(tensors, layers, str(path))
+    if not spaces.discrete and "log_std" in tensors:
+        leaves["policy.log_std"] = tensors["log_std"]
+    others = {name for name in tensors if spaces.image and name.startswith("features_extractor.")}
     check_nothing_left(
-        found, layers, others | (set() if spaces.discrete else {"log_std"}), str(path)
+        tensors, layers, others | (set() if spaces.discrete else {"log_std"}), str(path)
     )
-    made_with = {"stable-baselines3": _version(parts.get(VERSION, b""))}
-    numbers = (_count(data, "seed"), _count(data, "num_timesteps"), made_with)
-    return Imported(spaces, net, leaves, algorithm, *numbers), bool(data.get("_last_original_obs"))
+    policy = Imported(
+        spaces, net, leaves, algorithm, seed=_count(data, "seed"),
+        env_steps=_count(data, "num_timesteps"),
+        versions={"stable-baselines3": _version(parts.get(VERSION, b""))},
+    )  # fmt: skip
+    return policy, bool(data.get("_last_original_obs"))
 
 
 def _settings(text: bytes, path: Path) -> dict[str, Any]:
-    if len(text) > LARGEST_SETTINGS:
+    if len(text) > MAX_SETTINGS_BYTES:
         raise CheckpointError(
-            f"{path}: expected a '{DATA}' of {LARGEST_SETTINGS:,} bytes at most, found "
+            f"{path}: expected a '{DATA}' of {MAX_SETTINGS_BYTES:,} bytes at most, found "
             f"{len(text):,}"
         )
-    data = parsed(text.decode("utf-8", "replace"), f"{path}: its '{DATA}'", CheckpointError)
+    with reported_as(CheckpointError):
+        data = parse(text.decode("utf-8", "replace"), f"{path}: its '{DATA}'")
     if not isinstance(data, dict):
         raise CheckpointError(f"{path}: expected settings in its '{DATA}', found none")
     return data
 
 
 def _algorithm(data: Mapping[str, Any], path: Path) -> str:
-    """Tell who trained the policy: the zip does not say, but algorithms have different settings."""
+    """Return what trained the policy: algorithms have different settings, and no name there."""
     policy = data.get("policy_class")
     module = policy.get("__module__") if isinstance(policy, dict) else None
     if module != "stable_baselines3.common.policies":
@@ -119,10 +129,10 @@ def _spaces(data: Mapping[str, Any], path: Path) -> Spaces:
     return Spaces(shape, _number(action.get("n"), path) if discrete else choice[0], discrete)
 
 
-def _space(found: Any, path: Path) -> dict[str, Any]:
-    if not isinstance(found, dict) or not isinstance(found.get(":type:"), str):
+def _space(space: Any, path: Path) -> dict[str, Any]:
+    if not isinstance(space, dict) or not isinstance(space.get(":type:"), str):
         raise CheckpointError(f"{path}: expected spaces in its '{DATA}', found none")
-    return found
+    return space
 
 
 def _is(space: Mapping[str, Any], name: str) -> bool:
@@ -131,45 +141,45 @@ def _is(space: Mapping[str, Any], name: str) -> bool:
     )
 
 
-def _sizes(found: Any) -> tuple[int, ...]:
-    plain = isinstance(found, list) and all(type(n) is int and n > 0 for n in found)
-    return tuple(found) if plain else ()
+def _sizes(shape: Any) -> tuple[int, ...]:
+    plain = isinstance(shape, list) and all(type(n) is int and n > 0 for n in shape)
+    return tuple(shape) if plain else ()
 
 
-def _number(found: Any, path: Path) -> int:
-    """Read n of Discrete, which stands there as text where it is numpy's."""
-    if not re.fullmatch(r"[1-9]\d{0,6}", str(found)):
-        raise CheckpointError(f"{path}: expected a number of actions, found {str(found)[:40]}")
-    return int(found)
+def _number(n: Any, path: Path) -> int:
+    """Read n of Discrete, a text where it was one of NumPy's integers."""
+    if not re.fullmatch(r"[1-9]\d{0,6}", str(n)):
+        raise CheckpointError(f"{path}: expected a number of actions, found {str(n)[:40]}")
+    return int(n)
 
 
 def _policy_settings(data: Mapping[str, Any], path: Path) -> dict[str, Any]:
-    """Return a policy's settings that matter, those of exploration with them."""
-    found = data.get("policy_kwargs")
-    if not isinstance(found, dict):
+    """Return the settings that change what a policy does, those of exploration among them."""
+    kwargs = data.get("policy_kwargs")
+    if not isinstance(kwargs, dict):
         raise CheckpointError(f"{path}: expected policy_kwargs in its '{DATA}', found none")
-    settings = {key: value for key, value in found.items() if key not in HARMLESS}
+    settings = {key: value for key, value in kwargs.items() if key not in HARMLESS}
     return settings | ({"use_sde": data["use_sde"]} if data.get("use_sde") else {})
 
 
 def _activation(settings: dict[str, Any], spaces: Spaces, path: Path) -> str:
-    """Return what follows dense layers, and check that nothing else is out of the ordinary."""
+    """Return the activation after dense layers, and check that other settings are supported."""
     activation = settings.pop("activation_fn", "<class 'torch.nn.modules.activation.Tanh'>")
-    ordinary: dict[str, Any] = {
+    supported: dict[str, Any] = {
         "use_sde": [False],
         "squash_output": [False],
         "normalize_images": [True],
     }
     for key, value in settings.items():
         if key == "features_extractor_kwargs":
-            fine = isinstance(value, dict) and value.keys() <= {"features_dim"}
+            valid = isinstance(value, dict) and value.keys() <= {"features_dim"}
         elif key == "features_extractor_class":
-            fine = value in EXTRACTORS
+            valid = value in EXTRACTORS
         else:
-            fine = value in ordinary.get(key, ()) or (
+            valid = value in supported.get(key, ()) or (
                 key == "normalize_images" and not spaces.image
             )
-        if not fine:
+        if not valid:
             raise CheckpointError(
                 f"{path}: found a policy with {key}={str(value)[:80]}; {WORKS} without it"
             )
@@ -182,40 +192,40 @@ def _activation(settings: dict[str, Any], spaces: Spaces, path: Path) -> str:
 
 
 def _dense(
-    found: Mapping[str, Tensor], activation: str, where: str
+    tensors: Mapping[str, Tensor], activation: str, where: str
 ) -> tuple[NetConfig, dict[str, str]]:
-    """Return dense networks, and their layers' names there by ours."""
+    """Return the [net] settings of dense networks, and SB3's names of their layers by ours."""
     layers, sizes = dict[str, str](), []
-    for tower in ("policy", "value"):
-        prefix = f"mlp_extractor.{tower}_net"
-        n_layers = sum(name.startswith(prefix) and name.endswith(".weight") for name in found)
-        layers |= {f"{tower}.{n}": f"{prefix}.{2 * n}" for n in range(n_layers)}
-        sizes.append(widths(found, prefix, n_layers, where))
+    for network in ("policy", "value"):
+        prefix = f"mlp_extractor.{network}_net"
+        n_layers = sum(name.startswith(prefix) and name.endswith(".weight") for name in tensors)
+        layers |= {f"{network}.{n}": f"{prefix}.{2 * n}" for n in range(n_layers)}
+        sizes.append(widths(tensors, prefix, n_layers, where))
     hidden, of_critic = sizes
     apart = of_critic if of_critic != hidden else None
     net = {"hidden": hidden, "value_hidden": apart, "activation": activation}
     return NetConfig.model_validate(net), layers
 
 
-def _camera(found: Mapping[str, Tensor], where: str) -> tuple[NetConfig, dict[str, str]]:
-    """Return SB3's NatureCNN as our networks, and its layers' names there by ours.
+def _camera(tensors: Mapping[str, Tensor], where: str) -> tuple[NetConfig, dict[str, str]]:
+    """Return the [net] settings of SB3's NatureCNN, and SB3's names of its layers by ours.
 
-    Policy and critic may share it there; here each has its own, for ours share no dense layer.
+    Policy and critic may share it in SB3; here each has a copy, since ours share no dense layer.
     """
-    if not any(name.startswith(("features_", "pi_features_")) for name in found):
+    if not any(name.startswith(("features_", "pi_features_")) for name in tensors):
         raise CheckpointError(f"{where}: found images read without a camera network; {WORKS}")
-    if any(name.startswith("mlp_extractor.") for name in found):
+    if any(name.startswith("mlp_extractor.") for name in tensors):
         raise CheckpointError(
             f"{where}: found dense layers (net_arch) behind the camera network; {WORKS} without"
         )
-    own = any(name.startswith("pi_features_extractor.") for name in found)
-    eyes = {"policy": "pi_", "value": "vf_"} if own else {"policy": "", "value": ""}
+    own = any(name.startswith("pi_features_extractor.") for name in tensors)
+    prefixes = {"policy": "pi_", "value": "vf_"} if own else {"policy": "", "value": ""}
     layers = {
-        f"{tower}.{ours}": f"{prefix}features_extractor.{theirs}"
-        for tower, prefix in eyes.items()
-        for ours, theirs in zip(CAMERA, EYES, strict=True)
+        f"{network}.{layer}": f"{prefix}features_extractor.{name}"
+        for network, prefix in prefixes.items()
+        for layer, name in zip(CAMERA_LAYERS, CAMERA_LAYER_NAMES, strict=True)
     }
-    last = found.get(f"{layers['policy.dense']}.bias")
+    last = tensors.get(f"{layers['policy.dense']}.bias")
     if last is None or not last.numel():
         raise CheckpointError(
             f"{where}: expected SB3's NatureCNN before an image's policy, found none"
@@ -224,10 +234,10 @@ def _camera(found: Mapping[str, Tensor], where: str) -> tuple[NetConfig, dict[st
 
 
 def _count(data: Mapping[str, Any], key: str) -> int:
-    found = data.get(key)
-    return found if type(found) is int and 0 <= found < 2**53 else 0
+    count = data.get(key)
+    return count if type(count) is int and 0 <= count < 2**53 else 0
 
 
 def _version(text: bytes) -> str:
-    found = text.decode("ascii", "replace").strip()
-    return found if re.fullmatch(r"[\w.+-]{1,32}", found) else "unknown"
+    version = text.decode("ascii", "replace").strip()
+    return version if re.fullmatch(r"[\w.+-]{1,32}", version) else "unknown"

@@ -1,10 +1,9 @@
-"""How a policy from elsewhere saw its observations: a normaliser's statistics, from a file.
+"""How an imported policy normalises its observations: statistics from a file.
 
-VecNormalize saves itself as a pickle, which is read as data. Whatever is not understood there can
-be given as an .npz file in its place.
+VecNormalize saves itself as a pickle, which is read as data. Where that is not possible, an .npz
+file takes its place.
 """
 
-import io
 from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
@@ -12,16 +11,17 @@ from typing import Any
 
 import numpy as np
 
-from repaint_cli.errors import CheckpointError, UsageError
+from repaint_cli.errors import CheckpointError, UsageError, reported_as
 from repaint_cli.files.limits import read_bytes
+from repaint_cli.files.npy import NotAnArray, read_npy
 from repaint_cli.zoo.importers.archives import read_members
-from repaint_cli.zoo.importers.pickles import Record, Refused, array_of, number_of, read, shaped
+from repaint_cli.zoo.importers.pickles import Record, Refused, array_of, number_of, read
 
-LARGEST = 16 * 2**20
+MAX_BYTES = 16 * 2**20
 """Bytes that a file of statistics may have."""
 
 CLIP, EPSILON = 10.0, 1e-8
-"""What VecNormalize does where it is not told otherwise, and cleanrl's wrappers do."""
+"""The defaults of VecNormalize, and the constants of cleanrl's wrappers."""
 
 WAY_OUT = (
     "give numbers instead: numpy.savez('stats.npz', mean=v.obs_rms.mean, var=v.obs_rms.var, "
@@ -31,16 +31,16 @@ WAY_OUT = (
 
 @dataclass(frozen=True)
 class Statistics:
-    """Observations were seen as clip((x − mean) / √var, ±clip)."""
+    """The policy observes clip((x − mean) / √var, ±clip)."""
 
     mean: np.ndarray
-    """Of each number, (O,)."""
+    """(O,)."""
     var: np.ndarray
-    """Of each number, with what was added to it against division by 0, (O,)."""
+    """(O,), with epsilon added, so that no division is by 0."""
     clip: float
     """Above 0."""
     count: float = 0.0
-    """How many observations they are of."""
+    """Observations in the statistics."""
 
 
 def read_statistics(path: Path) -> Statistics | None:
@@ -50,9 +50,10 @@ def read_statistics(path: Path) -> Statistics | None:
         None where observations were not normalised.
 
     Raises:
-        CheckpointError: the file is absent or damaged, or holds something else.
+        CheckpointError: the file is absent or damaged, or holds no statistics.
     """
-    data = read_bytes(path, CheckpointError, LARGEST)
+    with reported_as(CheckpointError):
+        data = read_bytes(path, MAX_BYTES)
     if path.suffix == ".npz":
         return _from_arrays(data, path)
     try:
@@ -64,7 +65,7 @@ def read_statistics(path: Path) -> Statistics | None:
 
 
 def statistics_of(path: Path, given: str | None, normalised: bool) -> Statistics | None:
-    """Return how a policy saw its observations, None as they are.
+    """Return the statistics of a policy's observations; None where they are not normalised.
 
     Args:
         path: the policy's file.
@@ -72,8 +73,8 @@ def statistics_of(path: Path, given: str | None, normalised: bool) -> Statistics
         normalised: whether the policy was trained on normalised observations.
 
     Raises:
-        UsageError: it was, and nothing is given.
-        CheckpointError: what is given holds something else.
+        UsageError: the policy was trained on normalised observations, and no file is given.
+        CheckpointError: the given file is absent or damaged, or holds no statistics.
     """
     if given is None and normalised:
         raise UsageError(
@@ -84,9 +85,9 @@ def statistics_of(path: Path, given: str | None, normalised: bool) -> Statistics
     return read_statistics(Path(given)) if given and given != "none" else None
 
 
-def _from_vecnormalize(found: Any) -> Statistics | None:
-    """Return the statistics of a VecNormalize, as far as its record goes."""
-    state = _state(found, "VecNormalize")
+def _from_vecnormalize(record: Any) -> Statistics | None:
+    """Return the statistics in the record of a VecNormalize."""
+    state = _state(record, "VecNormalize")
     if state.get("norm_obs") is False:
         return None
     if isinstance(state.get("obs_rms"), dict | Record) and not _is(state["obs_rms"], _RUNNING):
@@ -100,26 +101,26 @@ def _from_vecnormalize(found: Any) -> Statistics | None:
 _RUNNING = "RunningMeanStd"
 
 
-def _is(found: Any, name: str) -> bool:
-    return isinstance(found, Record) and found.name.endswith(f".{name}")
+def _is(record: Any, name: str) -> bool:
+    return isinstance(record, Record) and record.name.endswith(f".{name}")
 
 
-def _state(found: Any, name: str) -> dict[str, Any]:
-    if not _is(found, name) or not isinstance(found.state, dict):
+def _state(record: Any, name: str) -> dict[str, Any]:
+    if not _is(record, name) or not isinstance(record.state, dict):
         raise Refused(f"no {name}")
-    return found.state
+    return record.state
 
 
 def _from_arrays(data: bytes, path: Path) -> Statistics:
     """Return the statistics in an .npz file."""
-    usual = {"clip_obs.npy": CLIP, "epsilon.npy": EPSILON, "count.npy": 0.0}
-    parts = read_members(data, str(path), ["mean.npy", "var.npy"], usual)
+    defaults = {"clip_obs.npy": CLIP, "epsilon.npy": EPSILON, "count.npy": 0.0}
+    parts = read_members(data, str(path), ["mean.npy", "var.npy"], defaults)
     try:
-        arrays = {name: _array(part) for name, part in parts.items()}
+        arrays = {name: read_npy(part, kinds="fiu") for name, part in parts.items()}
         mean, var = arrays.pop("mean.npy"), arrays.pop("var.npy")
-        told = {name: _single(array) for name, array in arrays.items()}
-        return _checked(mean, var, *(usual | told).values())
-    except Refused as error:
+        settings = {name: _single(array) for name, array in arrays.items()}
+        return _checked(mean, var, *(defaults | settings).values())
+    except (NotAnArray, Refused) as error:
         raise CheckpointError(
             f"{path}: expected arrays of numbers as numpy.savez writes them, found {error}"
         ) from error
@@ -129,20 +130,6 @@ def _single(array: np.ndarray) -> float:
     if array.size != 1:
         raise Refused(f"{array.size} numbers where one is wanted")
     return float(array.item())
-
-
-def _array(data: bytes) -> np.ndarray:
-    """Return the array in an .npy file; one that is not of numbers is refused."""
-    file = io.BytesIO(data)
-    try:
-        if np.lib.format.read_magic(file) != (1, 0):
-            raise Refused("another version")
-        shape, fortran, kind = np.lib.format.read_array_header_1_0(file)
-    except Exception as error:  # numpy evaluates a literal, which can fail in many ways
-        raise Refused("a header of another kind") from error
-    if kind.kind not in "fiu":
-        raise Refused(f"an array of {kind}")
-    return shaped(file.read(), kind, shape, fortran=fortran)
 
 
 def _checked(

@@ -6,7 +6,7 @@ from math import isfinite
 from pathlib import Path
 from typing import Any
 
-from repaint_cli.errors import CardError
+from repaint_cli.errors import CardError, reported_as
 from repaint_cli.files.limits import read_json
 from repaint_cli.settings import PPOConfig
 
@@ -101,7 +101,8 @@ def model_metadata(actions: Sequence[Sequence[float]], sensors: str, deep: bool)
 
 
 def _read_object(path: Path) -> dict[str, Any]:
-    data = read_json(path, CardError)
+    with reported_as(CardError):
+        data = read_json(path)
     if not isinstance(data, dict):
         raise CardError(f"{path}: expected a JSON object, found {type(data).__name__}")
     return data

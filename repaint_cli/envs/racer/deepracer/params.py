@@ -16,8 +16,9 @@ from repaint_cli.envs.racer.track.geometry import (
     OUTER_GAP,
     ROAD_WIDTH,
     WHEELS_ON,
+    Floats,
 )
-from repaint_cli.envs.racer.track.track import Floats, Track
+from repaint_cli.envs.racer.track.track import Track
 
 
 @dataclass(frozen=True)

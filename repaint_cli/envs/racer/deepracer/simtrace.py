@@ -26,8 +26,8 @@ from repaint_cli.envs.racer.deepracer.traces import Trace
 from repaint_cli.envs.racer.dynamics.car import STEP_SECONDS
 from repaint_cli.envs.racer.simulator import RacerSimulator
 from repaint_cli.envs.racer.track.files import load_track
-from repaint_cli.errors import CheckpointError, StoreError
-from repaint_cli.files.atomic import as_json, write_text, written_to
+from repaint_cli.errors import CheckpointError, DamagedFile, StoreError, reported_as
+from repaint_cli.files.atomic import as_json, write_errors, write_text
 from repaint_cli.files.limits import read_json, read_rows, read_text
 
 COLUMNS = (
@@ -103,7 +103,7 @@ class Simtrace:
         self._episodes = int(position["episodes"])
         for file in (self.folder / TRAINING).glob("*-iteration.csv"):
             if _ITERATION(file.name) and int(file.name.partition("-")[0]) >= k:
-                with written_to(file):
+                with write_errors(file):
                     file.unlink()
         if noted:
             self._write_metrics()
@@ -150,9 +150,9 @@ class Simtrace:
     def _holds_training(self) -> bool:
         """Tell whether the folder's log is of a training, and not of an earlier evaluation."""
         try:
-            noted = read_json(self.folder / METRICS, StoreError)["metrics"]
+            noted = read_json(self.folder / METRICS)["metrics"]
             return any(item["phase"] == "training" for item in noted)
-        except (StoreError, LookupError, TypeError):
+        except (DamagedFile, LookupError, TypeError):
             return (self.folder / TRAINING).is_dir()
 
     def _write_settings(self, env: RacerSimulator, run: LoggedRun, known: bool) -> None:
@@ -165,7 +165,9 @@ class Simtrace:
         for place, text in texts.items():
             path = self.folder / place
             used = (self.folder / TRAINING).is_dir() and not known
-            if used and (read_text(path, StoreError) if path.exists() else None) != text:
+            with reported_as(StoreError):
+                there = read_text(path) if used and path.exists() else None
+            if used and there != text:
                 raise StoreError(
                     f"{self.folder} holds logs of other settings: its {place} differs; "
                     "name another folder"
@@ -236,9 +238,10 @@ def read_simtrace(path: Path) -> list[Trace]:
         CheckpointError: it cannot be read, or holds something else.
     """
     needed = ("episode", "episode_status", *NUMBERS[:-1])
-    found = groupby(read_rows(path, CheckpointError, needed), key=itemgetter("episode"))
+    episodes = groupby(read_rows(path, needed), key=itemgetter("episode"))
     try:
-        traces = [_trace(rows) for _, rows in islice(found, MOST_EPISODES + 1)]
+        with reported_as(CheckpointError):
+            traces = [_trace(rows) for _, rows in islice(episodes, MOST_EPISODES + 1)]
     except ValueError as error:
         raise CheckpointError(f"{path} is damaged: {error!s:.200}") from error
     if len(traces) > MOST_EPISODES:

@@ -1,8 +1,8 @@
-"""Other cars on the road: each follows a lane at a steady speed and changes it now and then. SI.
+"""Other cars on the road: each keeps a lane at a constant speed, and changes it at times. SI.
 
-A bot is where its arclength along the centre line and its side say: side +1 is midway between the
-centre line and the inner border, −1 midway to the outer one, and in between it changes lanes. It
-stops for nobody, as DeepRacer's do.
+A bot's position is an arclength along the centre line and a side: +1 is midway between the centre
+line and the inner border, −1 midway to the outer one; between them it changes lanes. Bots do not
+brake for other cars, as DeepRacer's do not.
 """
 
 from collections.abc import Sequence
@@ -10,7 +10,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from repaint_cli.envs.racer.track.track import Floats, Track
+from repaint_cli.envs.racer.track.geometry import Floats
+from repaint_cli.envs.racer.track.track import Track
 from repaint_cli.kernels import kernel
 
 BOT_SPEED = 0.2
@@ -44,7 +45,7 @@ class Bots:
         """X, Y, YAW, SIDE."""
         self.along = np.zeros((n, n_bots))
         """Arclength from the start line along the centre line, m."""
-        self._goals = np.ones((n, n_bots))  # the side that each has or goes to
+        self._goal_sides = np.ones((n, n_bots))  # the side that each has or goes to
         self._changed = np.ones((n, n_bots))  # share of the lane change that the middle has done
         self._waits = np.zeros((n, n_bots, _WAITS))  # s
         self._waiting = np.zeros((n, n_bots))  # s left
@@ -54,11 +55,11 @@ class Bots:
     def start(
         self, road: Track, rows: NDArray[np.int64], rngs: Sequence[np.random.Generator]
     ) -> None:
-        """Place the bots of these cars (K,), each car's by its own generator, in random lanes."""
+        """Place the bots of these cars (K,) in random lanes, drawn by each car's own generator."""
         n_bots = self.along.shape[1]
         for row, rng in zip(rows, rngs, strict=True):
             self.along[row] = places(n_bots, road.length, rng)
-            self._goals[row] = rng.choice([-1.0, 1.0], n_bots)
+            self._goal_sides[row] = rng.choice([-1.0, 1.0], n_bots)
             self._waits[row] = rng.uniform(*WAIT, (n_bots, _WAITS))
         self._waiting[rows] = self._waits[rows, :, 0]
         self._changed[rows] = 1.0 + _REACH
@@ -69,21 +70,22 @@ class Bots:
     def drive(self, road: Track, rows: NDArray[np.int64], seconds: float) -> None:
         """Move the bots of these cars (K,) along a road."""
         drive_bots(
-            rows, seconds, *road.lines, self.along, self._goals, self._changed, self._waits,
+            rows, seconds, *road.lines, self.along, self._goal_sides, self._changed, self._waits,
             self._waiting, self._turns, self._paused, self.poses,
         )  # fmt: skip
 
-    def room_for(self, road: Track, rows: NDArray[np.int64], along: Floats) -> Floats:
+    def free_points(self, road: Track, rows: NDArray[np.int64], along: Floats) -> Floats:
         """Return where these cars (K,) start at these arclengths (K,), (K, 2), m.
 
-        That is on the centre line, or with a bot within a metre in the lane it does not go to.
+        A start is on the centre line; with a bot within a metre, in the lane that the bot is not
+        going to.
         """
         points = np.empty((len(rows), 2))
         for k, row in enumerate(rows):
             apart = np.abs(self.along[row] - along[k])
             apart = np.minimum(apart, road.length - apart)
             nearest = apart.argmin()
-            side = -self._goals[row, nearest] if apart[nearest] < START_ROOM else 0.0
+            side = -self._goal_sides[row, nearest] if apart[nearest] < START_ROOM else 0.0
             points[k] = lane_point(*road.lines, along[k], side)
         return points
 
@@ -95,8 +97,8 @@ class Bots:
 def places(n_bots: int, length: float, rng: np.random.Generator) -> Floats:
     """Draw where bots start, (B,), m along the centre line.
 
-    They begin evenly spread; in a random order each is then drawn anew from where it keeps 2 m to
-    its neighbours, if there is room. On a track too short for that they stay evenly spread.
+    They begin evenly spaced; in a random order each is then drawn again from the range that keeps
+    2 m to its neighbours, if there is one. On a track too short for that they stay evenly spaced.
     """
     where = np.linspace(min(LEAST_GAP, length / 2), length - min(LAST_GAP, length / 4), n_bots)
     for bot in rng.permutation(n_bots):

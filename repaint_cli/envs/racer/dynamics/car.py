@@ -1,4 +1,4 @@
-"""The car: its body, its actions, and how it answers commands. SI units.
+"""The car: its points, its actions, and its response to commands. SI units.
 
 The dynamics are a bicycle with lag and a saturating curvature, a few constants a profile, fitted to
 logs of the real DeepRacer simulator. An ideal bicycle with the same wheelbase misses that simulator
@@ -17,7 +17,7 @@ STEP_SECONDS = 1 / 15
 """One step is one camera frame."""
 SUBSTEPS = 8
 FRONT_OFFSET = 0.14
-"""From the base (midway between the axles) to the front point, which tells where a car is, m."""
+"""From the base, midway between the axles, to the front point, whose position is the car's, m."""
 WHEELS = np.array(
     [[-0.081663, 0.08105], [-0.081663, -0.08105], [0.082311, 0.079601], [0.082311, -0.079601]]
 )
@@ -25,13 +25,13 @@ WHEELS = np.array(
 WHEELS.flags.writeable = False
 REAR_AXLE = 0.0817
 """From the rear axle, which does not slip sideways, to the base, m."""
-BODY = np.vstack([[FRONT_OFFSET, 0.0], WHEELS])
+CAR_POINTS = np.vstack([[FRONT_OFFSET, 0.0], WHEELS])
 """Front point and wheel points in the car's frame, (5, 2), m."""
-BODY.flags.writeable = False
+CAR_POINTS.flags.writeable = False
 ACTIONS = tuple((angle, speed) for speed in (0.5, 1.0) for angle in (-30.0, -15.0, 0.0, 15.0, 30.0))
 """Steering (degrees, positive to the left) and speed (m/s) to choose from, by default."""
 STEERING_LIMIT, SPEED_LIMITS = 30.0, (0.1, 4.0)
-"""What the real car makes of any command, degrees and m/s."""
+"""The real car clips every command to these, degrees and m/s."""
 
 
 def commands_of(actions: Sequence[tuple[float, float]]) -> NDArray[np.float64]:
@@ -47,7 +47,7 @@ X, Y, YAW, SPEED, STEERING = range(5)
 
 @dataclass(frozen=True)
 class CarProfile:
-    """How a car answers its commands."""
+    """A car's response to its commands."""
 
     speed_lag: float
     """Time constant of the speed, s; 0 is immediate."""
@@ -72,7 +72,7 @@ CAR_PROFILES = {
     "sim5": CarProfile(0.031, 10.3, 0.170, 0.231, 1.97, 0.020),
     "ideal": CarProfile(0.0, np.inf, 0.0, 0.164, np.inf, 0.0),
 }
-"""sim4: the simulator of 2021-22. sim5: that of 2026. ideal: a bicycle that obeys at once."""
+"""sim4: the simulator of 2021-22. sim5: that of 2026. ideal: a bicycle without lag."""
 
 
 @kernel
@@ -87,7 +87,7 @@ def drive(
 
     Args:
         state: X, Y, YAW, SPEED, STEERING, (5,).
-        before: the previous step's steering and speed command, (2,); it rules until the car's delay
+        before: the previous step's steering and speed command, (2,); in force until the car's delay
             is over.
         command: this step's, (2,).
         car: `CarProfile.constants()`, (6,).

@@ -1,4 +1,4 @@
-"""What a car has to do with the bots around it: how near, who is next, seen or hit. SI units.
+"""Encounters of a car with its bots: distances, hazards, crashes, and the next bot. SI units.
 
 All cars have the body of DeepRacer's collision rectangle, centred on the base.
 """
@@ -17,7 +17,7 @@ NEAR, FAR = 0.2, 300.0
 """Depth of the camera's view of objects, m."""
 
 DISTANCE, HAZARDS, HIT, AT_FAULT, NEXT, NEXT_SEEN = range(6)
-"""Columns of `meet`'s answer."""
+"""Columns of the output of `meet`."""
 
 
 @kernel
@@ -74,10 +74,10 @@ def in_view(state: np.ndarray, lens: np.ndarray, px: float, py: float) -> bool:
 def body_in_view(state: np.ndarray, lens: np.ndarray, box: np.ndarray, corners: np.ndarray) -> bool:
     """Tell whether the middle or a corner of a body is in a car's picture; fills `corners`."""
     corners_of(box[0], box[1], box[2], corners)
-    seen = in_view(state, lens, box[0], box[1])
+    visible = in_view(state, lens, box[0], box[1])
     for k in range(4):
-        seen = seen or in_view(state, lens, corners[k, 0], corners[k, 1])
-    return bool(seen)
+        visible = visible or in_view(state, lens, corners[k, 0], corners[k, 1])
+    return bool(visible)
 
 
 @kernel
@@ -91,7 +91,7 @@ def meet(
     lens: np.ndarray,
     out: np.ndarray,
 ) -> None:
-    """Find out how some cars stand to their bots.
+    """Measure the encounters of some cars with their bots.
 
     A car hits a bot when one of its corners is inside the bot's body; it is at fault when the bot
     is ahead of it on the track, by less than half a lap. The next bot is the first one ahead; it
@@ -110,22 +110,21 @@ def meet(
     """
     corners, ahead = np.empty((4, 2)), np.empty(poses.shape[1])
     for row in rows:
-        state, found = states[row], out[row]
-        found[DISTANCE], found[HAZARDS], found[HIT], found[AT_FAULT] = np.inf, 0, 0, 0
+        state, encounter = states[row], out[row]
+        encounter[DISTANCE], encounter[HAZARDS], encounter[HIT] = np.inf, 0, 0
+        encounter[AT_FAULT] = 0
         for bot in range(poses.shape[1]):
             box = poses[row, bot]
             ahead[bot] = (bots_along[row, bot] - along[row]) % length
             gap = np.hypot(box[0] - state[0], box[1] - state[1])
-            found[DISTANCE] = min(found[DISTANCE], gap)
+            encounter[DISTANCE] = min(encounter[DISTANCE], gap)
             if gap < HAZARD and off_bow(state, box) < HAZARD_ANGLE:
-                found[HAZARDS] += 1
+                encounter[HAZARDS] += 1
             corners_of(state[0], state[1], state[2], corners)
             if body_touches(box, corners):
-                found[HIT] += 1
+                encounter[HIT] += 1
                 if ahead[bot] < length / 2.0:
-                    found[AT_FAULT] = 1
+                    encounter[AT_FAULT] = 1
         nearest = np.argmin(ahead)
-        found[NEXT], found[NEXT_SEEN] = (
-            nearest,
-            body_in_view(state, lens, poses[row, nearest], corners),
-        )
+        encounter[NEXT] = nearest
+        encounter[NEXT_SEEN] = body_in_view(state, lens, poses[row, nearest], corners)

@@ -1,10 +1,9 @@
-"""N cars on one track, each alone with its bots: where they are, how they drive, how they do. SI.
+"""N cars on one track, each alone with its bots: their states, dynamics and episodes. SI.
 
-Knows nothing of pictures, noise or Gymnasium. Methods take row numbers (K,), so that cars
-that are parked cost nothing.
+Methods take row numbers (K,), so that parked cars cost nothing.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -13,7 +12,7 @@ from numpy.typing import NDArray
 from repaint_cli.envs.racer.deepracer.params import Moment, params_of
 from repaint_cli.envs.racer.dynamics.bots import SIDE, Bots
 from repaint_cli.envs.racer.dynamics.car import (
-    BODY,
+    CAR_POINTS,
     CAR_PROFILES,
     SPEED,
     STEERING,
@@ -21,6 +20,7 @@ from repaint_cli.envs.racer.dynamics.car import (
     YAW,
     drive_rows,
 )
+from repaint_cli.envs.racer.dynamics.directions import Directions, Rows
 from repaint_cli.envs.racer.dynamics.encounters import AT_FAULT, HIT, NEXT, meet
 from repaint_cli.envs.racer.dynamics.rules import (
     CRASHED,
@@ -32,13 +32,11 @@ from repaint_cli.envs.racer.dynamics.rules import (
     traffic_terms,
 )
 from repaint_cli.envs.racer.sight.camera import lens
-from repaint_cli.envs.racer.track.geometry import NDIST, WHEELS_ON, measure
-from repaint_cli.envs.racer.track.track import Floats, Track
-
-Rows = NDArray[np.int64]
+from repaint_cli.envs.racer.track.geometry import NDIST, WHEELS_ON, Floats, measure
+from repaint_cli.envs.racer.track.track import Track
 
 OPEN_START = 0.2
-"""Where the base stands at the start of an open track, so that all wheels are on it, m."""
+"""From the start of an open track to a starting car's base, so that all wheels are on it, m."""
 
 
 class Fleet:
@@ -58,14 +56,13 @@ class Fleet:
             crash: whether "any" crash ends an episode, or only one that the car is "at-fault" in.
 
         Raises:
-            ValueError: there are bots on an open track, where they would have nowhere to go.
+            ValueError: there are bots, and the track is open.
         """
         if n_bots and not track.closed:
             raise ValueError(f"expected a closed track for bots, found '{track.name}', an open one")
         self.track = track
         self.bots = Bots(n, n_bots) if n_bots else None
-        self._roads = (track, track.reversed())
-        self._reverse = np.zeros(n, np.int64)  # which of the roads each drives
+        self._directions = Directions(track, n)
         self.states = np.zeros((n, 5))
         """X, Y, YAW, SPEED, STEERING."""
         self.status = np.full(n, IN_PROGRESS)
@@ -89,27 +86,27 @@ class Fleet:
         reverse: NDArray[np.bool_],
         rngs: Sequence[np.random.Generator],
     ) -> None:
-        """Put cars at rest on the centre line, heading along it, and their bots on the road.
+        """Start episodes: cars at rest on the centre line and along it, and their bots on the road.
 
         Where a bot is within a metre, the car starts in the lane that the bot is not in. An open
         track is always driven from its beginning.
 
         Args:
             rows: which cars, (K,).
-            lap_fractions: where all of them would start, in their own direction, (N,).
-            reverse: who would drive the track the other way, (N,).
-            rngs: everyone's own generator, which places the bots, (N,).
+            lap_fractions: where cars start, in their own direction, (N,).
+            reverse: whether a car drives the track the other way, (N,).
+            rngs: each car's own generator, which places its bots, (N,).
         """
         self._starts[rows] = lap_fractions[rows] if self.track.closed else 0.0
         if not self.track.closed:
             lap_fractions = np.full(len(lap_fractions), OPEN_START / self.track.length)
-        self._reverse[rows] = reverse[rows]
+        self._directions.reverse[rows] = reverse[rows]
         self.states[rows] = 0.0
-        for road, own in self._by_road(rows):
+        for road, own in self._directions.by_road(rows):
             points, self.states[own, YAW] = road.pose_at(lap_fractions[own])
             if self.bots:
                 self.bots.start(road, own, [rngs[row] for row in own])
-                points = self.bots.room_for(road, own, lap_fractions[own] * road.length)
+                points = self.bots.free_points(road, own, lap_fractions[own] * road.length)
             self.states[own, :2] = points
         self._commands[rows] = 0.0
         self._counters.clear(rows)
@@ -118,14 +115,14 @@ class Fleet:
         self._meet(rows)
 
     def drive(self, rows: Rows, commands: Floats) -> Floats:
-        """Advance these cars (K,) by one step and judge them.
+        """Advance these cars (K,) by one step, and update their progress and status.
 
         Args:
             rows: which cars.
             commands: steering (rad) and speed (m/s) of all cars, (N, 2).
 
         Returns:
-            every car's gain of progress, (N,), percent; 0 for the others.
+            the progress gained, (N,), percent; 0 for other cars.
         """
         places, before = self.states[rows, :2], self._progress[rows]
         drive_rows(rows, self.states, self._commands, commands, self._car, STEP_SECONDS)
@@ -136,7 +133,7 @@ class Fleet:
         moved = np.hypot(*(self.states[rows, :2] - places).T)
         self._counters.count(rows, moved, gained[rows])
         if self.bots:
-            for road, own in self._by_road(rows):
+            for road, own in self._directions.by_road(rows):
                 self.bots.drive(road, own, STEP_SECONDS)
         crashed = self._meet(rows)
         status = status_of(
@@ -157,23 +154,23 @@ class Fleet:
         drove[rows] = 1.0
         terms = reward_terms(self._measures, gained, self.status)
         if self.bots:
-            after = self._encounters[:, NEXT].astype(np.int64)
-            sides = self.bots.poses[np.arange(len(after)), after, SIDE]
+            bots = self._encounters[:, NEXT].astype(np.int64)
+            sides = self.bots.poses[np.arange(len(bots)), bots, SIDE]
             terms |= traffic_terms(self._encounters, sides, terms["lane"])
         return {name: term * drove for name, term in terms.items()}
 
     @property
     def lap_fractions(self) -> Floats:
-        """Where along the lap the cars are, from the start line, (N,)."""
+        """Arclength from the start line over the track's length, (N,)."""
         return self._measures[:, NDIST]
 
     def report(self) -> dict[str, Any]:
-        """Tell where the cars are and how they do, by name, each (N,) in new arrays.
+        """Return the state of the cars by name, each (N,) in new arrays.
 
         With bots also their x, y (m) and heading (rad) as "bots", (N, B, 3), and whether the car
         touches one as "hit".
         """
-        ours = {
+        state = {
             "x": self._fronts[:, 0].copy(),
             "y": self._fronts[:, 1].copy(),
             "heading": self.states[:, YAW].copy(),
@@ -182,29 +179,22 @@ class Fleet:
             "progress": self._progress.copy(),
             "lap_time": self._counters.steps * STEP_SECONDS,
             "wheels_on": self._measures[:, WHEELS_ON].copy(),
-            "waypoint": self._waypoints(),
+            "waypoint": self._directions.nearest_waypoints(self.lap_fractions),
             "status": self.status.astype(np.float64),
         }
         if self.bots is None:
-            return ours
-        return ours | {
+            return state
+        return state | {
             "bots": self.bots.poses[..., :SIDE].copy(), "hit": self._encounters[:, HIT].copy()
         }  # fmt: skip
 
-    def _waypoints(self) -> Floats:
-        """Return the index of each car's nearest waypoint in the direction it drives, (N,)."""
-        nearest = np.empty(len(self.states))
-        for road, own in self._by_road(np.arange(len(nearest))):
-            nearest[own] = road.nearest_waypoint(self._measures[own, NDIST] * road.length)
-        return nearest
-
     def params(self, row: int) -> dict[str, Any]:
-        """Return what DeepRacer would tell a reward function about one car now."""
+        """Return DeepRacer's `params` of one car's current state."""
         bots = self.bots
         return params_of(
             Moment(
-                road=self._roads[self._reverse[row]],
-                is_reversed=bool(self._reverse[row]),
+                road=self._directions.road_of(row),
+                is_reversed=bool(self._directions.reverse[row]),
                 front=self._fronts[row],
                 yaw=float(self.states[row, YAW]),
                 command=self._commands[row],
@@ -219,15 +209,8 @@ class Fleet:
             )
         )
 
-    def _by_road(self, rows: Rows) -> Iterator[tuple[Track, Rows]]:
-        """Yield each direction's road with those of these cars (K,) that drive it, if any."""
-        for direction, road in enumerate(self._roads):
-            own = rows[self._reverse[rows] == direction]
-            if len(own):
-                yield road, own
-
     def _meet(self, rows: Rows) -> NDArray[np.bool_]:
-        """Find out how these cars (K,) stand to their bots; return who crashed, (N,).
+        """Update the encounters of these cars (K,) with their bots; return who crashed, (N,).
 
         Where a crash is not the car's fault and ends nothing, its bots pause.
         """
@@ -244,10 +227,16 @@ class Fleet:
         return crashed
 
     def _measure(self, rows: Rows, progress_before: Floats) -> None:
-        """Find out where these cars (K,) stand on the track now."""
-        for road, own in self._by_road(rows):
+        """Update the positions on the track, and the progress, of these cars (K,)."""
+        for road, own in self._directions.by_road(rows):
             measure(
-                own, self.states, BODY, *road.lines, *road.outline, self._fronts, self._measures
+                own,
+                self.states,
+                CAR_POINTS,
+                *road.lines,
+                *road.outline,
+                self._fronts,
+                self._measures,
             )
         ndist = self._measures[rows, NDIST]
         self._progress[rows] = progress_since(ndist, self._starts[rows], progress_before)

@@ -16,6 +16,7 @@ from repaint_cli.envs.racer.track.geometry import (
     OUTER_GAP,
     ROAD_WIDTH,
     WHEELS_ON,
+    Floats,
 )
 
 IN_PROGRESS, LAP_COMPLETE, OFF_TRACK, IMMOBILIZED, REVERSED, TIME_UP, CRASHED = range(len(STATUS))
@@ -26,8 +27,6 @@ STILL = 0.0003
 """A base that moves no further than this in a step has not moved, m."""
 KEEP_MARGIN = 0.05
 """Room between the front point and the road's edge that counts as keeping the road, m."""
-
-Floats = NDArray[np.float64]
 
 
 def progress_since(ndist: Floats, start_ndist: Floats, previous: Floats) -> Floats:

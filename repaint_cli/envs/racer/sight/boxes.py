@@ -1,4 +1,4 @@
-"""Bots as a camera and a lidar meet them: upright boxes on flat ground. Metres, radians.
+"""Bots in the images of a camera and the ranges of a lidar: boxes on flat ground. Metres, radians.
 
 Rays are followed in the box's own frame, where it is three pairs of planes.
 """
@@ -7,17 +7,17 @@ import numpy as np
 
 from repaint_cli.kernels import kernel
 
-LENGTH, WIDTH, HEIGHT = 0.324, 0.188, 0.21
-"""Of a bot's body, m."""
-END, FLANK = 40, 28
+BOT_LENGTH, BOT_WIDTH, BOT_HEIGHT = 0.324, 0.188, 0.21
+"""Of a bot's visible body, m; its collision rectangle is in `dynamics.encounters`."""
+END_LUMA, SIDE_LUMA = 40, 28
 """Grey levels of its faces, apart so that its heading can be seen; no camera sees its top."""
 BEAMS = 64
 BEAM_X = 0.02913
-"""Where the lidar is, ahead of the base, m."""
+"""From the base to the lidar, ahead, m."""
 FIRST_BEAM, BEAM_SPAN = -2.61799, 5.23598
-"""Of the beams' angles, which count from straight back, so that the blind 60° face forward, rad."""
+"""Angles from straight back to the first beam, and from it to the last, to the left, rad."""
 RANGE = 1.0
-"""What a beam reads that meets nothing, m."""
+"""Of a beam; the reading of one that meets nothing, m."""
 
 
 @kernel
@@ -42,14 +42,14 @@ def beam(x: float, y: float, angle: float, box: np.ndarray) -> float:
     cos, sin = np.cos(box[2]), np.sin(box[2])
     dx, dy = x - box[0], y - box[1]
     rx, ry = np.cos(angle), np.sin(angle)
-    near, far = _slab(dx * cos + dy * sin, rx * cos + ry * sin, LENGTH / 2.0, 0.0, np.inf)
-    near, far = _slab(dy * cos - dx * sin, ry * cos - rx * sin, WIDTH / 2.0, near, far)
+    near, far = _slab(dx * cos + dy * sin, rx * cos + ry * sin, BOT_LENGTH / 2.0, 0.0, np.inf)
+    near, far = _slab(dy * cos - dx * sin, ry * cos - rx * sin, BOT_WIDTH / 2.0, near, far)
     return near if near <= far else np.inf
 
 
 @kernel
 def scan_rows(rows: np.ndarray, states: np.ndarray, poses: np.ndarray, ranges: np.ndarray) -> None:
-    """Measure what the lidars of some cars read, without noise.
+    """Measure the ranges of some cars' lidars, without noise.
 
     Args:
         rows: which cars, (K,).
@@ -57,7 +57,7 @@ def scan_rows(rows: np.ndarray, states: np.ndarray, poses: np.ndarray, ranges: n
         poses: of their bots, (N, B, ≥3).
         ranges: filled, (N, 64), m; `RANGE` where nothing is nearer.
     """
-    reach = RANGE + LENGTH
+    reach = RANGE + BOT_LENGTH
     for row in rows:
         yaw = states[row, 2]
         x = states[row, 0] + BEAM_X * np.cos(yaw)
@@ -81,9 +81,9 @@ def _bounds(
     height, pitch, focal = lens[1], lens[2], lens[5]
     top, bottom, first, last = np.inf, -np.inf, np.inf, -np.inf
     for corner in range(8):
-        a = LENGTH / 2.0 if corner & 1 else -LENGTH / 2.0
-        b = WIDTH / 2.0 if corner & 2 else -WIDTH / 2.0
-        z = (HEIGHT if corner & 4 else 0.0) - height
+        a = BOT_LENGTH / 2.0 if corner & 1 else -BOT_LENGTH / 2.0
+        b = BOT_WIDTH / 2.0 if corner & 2 else -BOT_WIDTH / 2.0
+        z = (BOT_HEIGHT if corner & 4 else 0.0) - height
         x, y = ahead + a * cos - b * sin, left + a * sin + b * cos
         depth = x * np.cos(pitch) - z * np.sin(pitch)
         if depth < 0.01:  # beside the eye: it may show anywhere
@@ -100,13 +100,13 @@ def _bounds(
 
 @kernel
 def draw_box(
-    state: np.ndarray, eye_side: float, box: np.ndarray, lens: np.ndarray, image: np.ndarray
+    state: np.ndarray, eye_offset: float, box: np.ndarray, lens: np.ndarray, image: np.ndarray
 ) -> None:
-    """Draw one box over what the camera of a car sees.
+    """Draw one box over the camera image of a car.
 
     Args:
         state: the car's x, y (m) and heading (rad) first.
-        eye_side: how far left of the car's middle the eye is, m.
+        eye_offset: from the car's middle to the camera, to the left, m.
         box: x, y (m) and heading (rad) first.
         lens: `camera.lens()`, (6,).
         image: changed, (120, 160) uint8.
@@ -116,31 +116,31 @@ def draw_box(
     yaw = state[2]
     dx, dy = box[0] - state[0], box[1] - state[1]
     ahead = dx * np.cos(yaw) + dy * np.sin(yaw) - forward
-    left = dy * np.cos(yaw) - dx * np.sin(yaw) - eye_side
+    left = dy * np.cos(yaw) - dx * np.sin(yaw) - eye_offset
     cos, sin = np.cos(box[2] - yaw), np.sin(box[2] - yaw)
-    if ahead < -LENGTH:
+    if ahead < -BOT_LENGTH:
         return
     top, bottom, first, last = _bounds(ahead, left, cos, sin, lens, (rows, columns))
     ox, oy = -(ahead * cos + left * sin), -(left * cos - ahead * sin)  # the eye, in the box's frame
-    oz = height - HEIGHT / 2.0
+    oz = height - BOT_HEIGHT / 2.0
     for r in range(top, bottom):
         v = (r + 0.5 - rows / 2.0) / focal
         run = np.cos(pitch) - v * np.sin(pitch)  # of the ray, ahead of the car
         rise = -np.sin(pitch) - v * np.cos(pitch)
-        near_z, far_z = _slab(oz, rise, HEIGHT / 2.0, 0.0, np.inf)
+        near_z, far_z = _slab(oz, rise, BOT_HEIGHT / 2.0, 0.0, np.inf)
         if near_z > far_z:
             continue
         for c in range(first, last):
             u = -(c + 0.5 - columns / 2.0) / focal  # to the left
-            near_x, far = _slab(ox, run * cos + u * sin, LENGTH / 2.0, near_z, far_z)
-            near, far = _slab(oy, u * cos - run * sin, WIDTH / 2.0, near_x, far)
+            near_x, far = _slab(ox, run * cos + u * sin, BOT_LENGTH / 2.0, near_z, far_z)
+            near, far = _slab(oy, u * cos - run * sin, BOT_WIDTH / 2.0, near_x, far)
             if near <= far and near > 0.0:
-                image[r, c] = FLANK if near > near_x else END
+                image[r, c] = SIDE_LUMA if near > near_x else END_LUMA
 
 
 @kernel
 def draw_rows(
-    rows: np.ndarray, states: np.ndarray, poses: np.ndarray, eye_side: float, lens: np.ndarray,
+    rows: np.ndarray, states: np.ndarray, poses: np.ndarray, eye_offset: float, lens: np.ndarray,
     images: np.ndarray, channel: int,
 ) -> None:  # fmt: skip
     """Draw the bots of some cars into images (N, 120, 160, C), the farthest first.
@@ -161,4 +161,6 @@ def draw_rows(
                 if not done[bot] and (next_bot < 0 or far[bot] > far[next_bot]):
                     next_bot = bot
             done[next_bot] = True
-            draw_box(states[row], eye_side, poses[row, next_bot], lens, images[row, :, :, channel])
+            draw_box(
+                states[row], eye_offset, poses[row, next_bot], lens, images[row, :, :, channel]
+            )

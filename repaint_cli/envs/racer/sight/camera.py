@@ -29,34 +29,34 @@ WALLS = np.array([24, 36, 48, 60], dtype=np.uint8)
 """Grey levels at least x, greatest x, least y, greatest y; unequal, to tell directions."""
 WALLS.flags.writeable = False
 
-EYES = (0.0,)
-"""How far left of the car's middle the single camera is, m."""
-STEREO_EYES = (0.03, -0.03)
-"""The same of the two, left and right."""
+EYE_OFFSETS = (0.0,)
+"""From the car's middle to the left, of the single camera, m."""
+STEREO_EYE_OFFSETS = (0.03, -0.03)
+"""The same of two cameras, left and right, m."""
 
 AHEAD, SIDE, LEVEL, SIZE, SKYWARD = range(5)
 """Columns of `row_table`."""
 
 
 def lens() -> NDArray[np.float64]:
-    """Return the camera's numbers as kernels read them, (6,).
+    """Return the camera's constants as kernels read them, (6,).
 
-    They are how far ahead of the base and how high it is (m), its pitch (rad), the tangents of half
-    its angles of view, and its focal length in pixels.
+    They are its distance ahead of the base (m), its height (m), its pitch (rad), the tangents of
+    half its horizontal and half its vertical angle of view, and its focal length (pixels).
     """
     half = np.array([WIDTH, HEIGHT]) / 2 / FOCAL
     return np.array([CAMERA_X, CAMERA_Z, PITCH, *half, FOCAL])
 
 
 def row_table() -> NDArray[np.float64]:
-    """Tabulate what each row of pixels looks at, (120, 5).
+    """Return the line of the ground that each row of pixels shows, (120, 5).
 
     Returns:
-        AHEAD: the row's line in the car's frame, x ahead of the base, m;
-        SIDE: how far apart its pixels lie on that line, m (the first is farthest left);
-        LEVEL: which copy of the ground has texels of that size;
+        AHEAD: the line's distance ahead of the base, m;
+        SIDE: the distance between its pixels on that line, m (the first is farthest left);
+        LEVEL: the level of the ground picture with texels of that size;
         SIZE: the edge of its texels, m;
-        SKYWARD: 1 for rows above the horizon, which look at the plane of the walls' tops.
+        SKYWARD: 1 for rows above the horizon, which show the plane of the walls' tops.
     """
     down = (np.arange(HEIGHT) + 0.5 - HEIGHT / 2) / FOCAL  # (120,)
     sink = np.sin(PITCH) + down * np.cos(PITCH)  # of a ray, per unit along the optical axis
@@ -115,7 +115,7 @@ def _ground_span(
 @kernel
 def render(
     state: np.ndarray,
-    eye_side: float,
+    eye_offset: float,
     table: np.ndarray,
     levels: tuple[np.ndarray, ...],
     origin: np.ndarray,
@@ -123,11 +123,11 @@ def render(
     walls: np.ndarray,
     image: np.ndarray,
 ) -> None:
-    """Draw what the camera of one car sees.
+    """Draw the camera image of one car.
 
     Args:
         state: the car's x, y (m) and heading (rad) first, (5,).
-        eye_side: how far left of the car's middle the camera is, m.
+        eye_offset: from the car's middle to the camera, to the left, m.
         table: `row_table()`, (120, 5).
         levels: `Ground.levels`.
         origin: `Ground.origin`, (2,), m.
@@ -136,11 +136,11 @@ def render(
         image: filled, (120, 160) uint8.
     """
     cos, sin = np.cos(state[2]), np.sin(state[2])
-    eye_x = state[0] + CAMERA_X * cos - eye_side * sin
-    eye_y = state[1] + CAMERA_X * sin + eye_side * cos
+    eye_x = state[0] + CAMERA_X * cos - eye_offset * sin
+    eye_y = state[1] + CAMERA_X * sin + eye_offset * cos
     for row in range(HEIGHT):
         ahead, side = table[row, AHEAD], table[row, SIDE]
-        left = (WIDTH / 2 - 0.5) * side + eye_side
+        left = (WIDTH / 2 - 0.5) * side + eye_offset
         x, y = state[0] + ahead * cos - left * sin, state[1] + ahead * sin + left * cos
         dx, dy = side * sin, -side * cos
         first_x, end_x = _inside_span(x, dx, field[0], field[2])
@@ -164,7 +164,7 @@ def render(
 def render_rows(
     rows: np.ndarray,
     states: np.ndarray,
-    eye_side: float,
+    eye_offset: float,
     table: np.ndarray,
     levels: tuple[np.ndarray, ...],
     origin: np.ndarray,
@@ -173,10 +173,10 @@ def render_rows(
     images: np.ndarray,
     channel: int,
 ) -> None:
-    """Draw what some cars (K,) see into a channel of images (N, 120, 160, C).
+    """Draw the camera images of some cars (K,) into a channel of images (N, 120, 160, C).
 
     See `render` for the other arguments.
     """
     for row in rows:
         image = images[row, :, :, channel]
-        render(states[row], eye_side, table, levels, origin, field, walls, image)
+        render(states[row], eye_offset, table, levels, origin, field, walls, image)

@@ -1,4 +1,4 @@
-"""The ground as the camera sees it: a grey picture of the track from above, painted once per track.
+"""The ground of the camera images: a grey picture of the track from above, painted once a track.
 
 Luma values are those of the DeepRacer simulator's own pictures. The picture covers the field, a
 rectangle around the outer border that is fenced by walls, at 5 mm a texel, with three half-sized
@@ -11,7 +11,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from repaint_cli.envs.racer.track.track import Floats, Track
+from repaint_cli.envs.racer.track.geometry import Floats
+from repaint_cli.envs.racer.track.track import Track
 from repaint_cli.kernels import kernel
 
 ROAD, LINE, CENTRE_LINE, FIELD = 52.0, 222.0, 148.0, 128.0

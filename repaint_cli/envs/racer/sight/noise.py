@@ -1,4 +1,4 @@
-"""Small disturbances for robust evaluation: of what the car is told to do and of what it sees."""
+"""Small disturbances for robust evaluation: of a car's commands and of its images."""
 
 from dataclasses import dataclass
 
@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True)
 class Noise:
-    """How much to disturb; a zero leaves that part alone."""
+    """Sizes of the disturbances; 0 is none."""
 
     action: float = 0.1
     """Steering and speed commands are each multiplied by 1 + U(−a, a)."""

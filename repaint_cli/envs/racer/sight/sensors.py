@@ -7,12 +7,13 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from repaint_cli.envs.racer.dynamics.fleet import Fleet, Rows
+from repaint_cli.envs.racer.dynamics.directions import Rows
+from repaint_cli.envs.racer.dynamics.fleet import Fleet
 from repaint_cli.envs.racer.sight import boxes
 from repaint_cli.envs.racer.sight.camera import (
-    EYES,
+    EYE_OFFSETS,
     HEIGHT,
-    STEREO_EYES,
+    STEREO_EYE_OFFSETS,
     WALLS,
     WIDTH,
     lens,
@@ -25,9 +26,9 @@ from repaint_cli.envs.racer.track.track import Track
 
 SENSORS = ("camera", "camera+lidar", "stereo", "stereo+lidar")
 RANGE_NOISE = 0.01
-"""Standard deviation of what the lidar reads where it meets something, m."""
+"""Standard deviation of a lidar's reading below its range, m."""
 
-Sights = dict[str, NDArray[np.uint8] | NDArray[np.float32]]
+Readings = dict[str, NDArray[np.uint8] | NDArray[np.float32]]
 """By sensor: "camera" (N, 120, 160, 1 or 2) uint8 and perhaps "lidar" (N, 64) float32, m."""
 
 
@@ -40,17 +41,17 @@ class Sensors:
         """Build them.
 
         Args:
-            track: where the cars drive.
+            track: that the cars drive.
             kind: one of `SENSORS`.
-            range_min: what the lidar reads of anything nearer, m.
+            range_min: the lidar's least reading, m.
             noise: disturbances of the images, or None.
-            threads: how many share the drawing.
+            threads: that share the cars.
         """
-        self._eyes = EYES if kind.startswith("camera") else STEREO_EYES
+        self._eye_offsets = EYE_OFFSETS if kind.startswith("camera") else STEREO_EYE_OFFSETS
         self._has_lidar = kind.endswith("lidar")
         self._range_min = range_min
         ground = ground_of(track)
-        self._picture = (row_table(), ground.levels, ground.origin, ground.field, WALLS)
+        self._ground = (row_table(), ground.levels, ground.origin, ground.field, WALLS)
         self._lens = lens()
         self._noise = noise
         self._threads = threads
@@ -58,31 +59,31 @@ class Sensors:
 
     def space(self) -> spaces.Box | spaces.Dict:
         """Return the space of one car's observations: an image, or with a lidar both by name."""
-        camera = spaces.Box(0, 255, (HEIGHT, WIDTH, len(self._eyes)), np.uint8)
+        camera = spaces.Box(0, 255, (HEIGHT, WIDTH, len(self._eye_offsets)), np.uint8)
         if not self._has_lidar:
             return camera
         lidar = spaces.Box(self._range_min, boxes.RANGE, (boxes.BEAMS,), np.float32)
         return spaces.Dict({"camera": camera, "lidar": lidar})
 
-    def look(self, rows: Rows, fleet: Fleet, rngs: Sequence[np.random.Generator]) -> Sights:
-        """Return what these cars (K,) see in new arrays (N, …), the rest left unfilled."""
+    def read(self, rows: Rows, fleet: Fleet, rngs: Sequence[np.random.Generator]) -> Readings:
+        """Return the readings of these cars (K,) in new arrays (N, …), not filled for others."""
         n = len(fleet.states)
-        images = np.empty((n, HEIGHT, WIDTH, len(self._eyes)), np.uint8)
+        images = np.empty((n, HEIGHT, WIDTH, len(self._eye_offsets)), np.uint8)
         ranges = np.empty((n, boxes.BEAMS), np.float32)
 
-        def sense(part: Rows) -> None:
+        def read_part(part: Rows) -> None:
             self._draw(part, fleet, rngs, images)
             if self._has_lidar:
                 self._scan(part, fleet, rngs, ranges)
 
         if self._pool is None:
-            sense(rows)
+            read_part(rows)
         else:
-            list(self._pool.map(sense, np.array_split(rows, self._threads)))
+            list(self._pool.map(read_part, np.array_split(rows, self._threads)))
         return {"camera": images, "lidar": ranges} if self._has_lidar else {"camera": images}
 
     def close(self) -> None:
-        """Let the threads go."""
+        """Stop the threads."""
         if self._pool is not None:
             self._pool.shutdown()
             self._pool = None
@@ -94,11 +95,11 @@ class Sensors:
         rngs: Sequence[np.random.Generator],
         images: NDArray[np.uint8],
     ) -> None:
-        for channel, side in enumerate(self._eyes):
-            render_rows(rows, fleet.states, side, *self._picture, images, channel)
+        for channel, offset in enumerate(self._eye_offsets):
+            render_rows(rows, fleet.states, offset, *self._ground, images, channel)
             if fleet.bots is not None:
                 poses = fleet.bots.poses
-                boxes.draw_rows(rows, fleet.states, poses, side, self._lens, images, channel)
+                boxes.draw_rows(rows, fleet.states, poses, offset, self._lens, images, channel)
             if self._noise is not None:
                 for row in rows:
                     image = images[row, :, :, channel]
@@ -111,10 +112,10 @@ class Sensors:
         rngs: Sequence[np.random.Generator],
         ranges: NDArray[np.float32],
     ) -> None:
-        read = np.full((len(fleet.states), boxes.BEAMS), boxes.RANGE)
+        exact = np.full((len(fleet.states), boxes.BEAMS), boxes.RANGE)
         if fleet.bots is not None:
-            boxes.scan_rows(rows, fleet.states, fleet.bots.poses, read)
+            boxes.scan_rows(rows, fleet.states, fleet.bots.poses, exact)
         for row in rows:
             noise = RANGE_NOISE * rngs[row].standard_normal(boxes.BEAMS)
-            noisy = np.where(read[row] < boxes.RANGE, read[row] + noise, boxes.RANGE)
+            noisy = np.where(exact[row] < boxes.RANGE, exact[row] + noise, boxes.RANGE)
             ranges[row] = np.clip(noisy, self._range_min, boxes.RANGE)

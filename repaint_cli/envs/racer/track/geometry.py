@@ -1,20 +1,34 @@
-"""Questions about polylines, compiled, and where a car stands between them. Metres.
+"""Geometry of polylines, and of a car between them; loops over points are compiled. Metres.
 
 A line is (M, 2); a ring is a line whose last row repeats its first.
-`reference.py` holds the plain numpy twins.
 """
 
 import numpy as np
+from numpy.typing import NDArray
 
 from repaint_cli.kernels import kernel
 
+Floats = NDArray[np.float64]
+
 NDIST, CENTRE_GAP, INNER_GAP, OUTER_GAP, ROAD_WIDTH, WHEELS_ON = range(6)
-"""Columns of `locate`'s answer."""
+"""Columns of the output of `locate`."""
+
+
+def signed_area(ring: Floats) -> float:
+    """Return the shoelace area, m²; positive for counter-clockwise rings."""
+    x, y = ring[:-1].T
+    x_next, y_next = ring[1:].T
+    return float(np.sum(x * y_next - x_next * y) / 2)
+
+
+def road_ring(outer: Floats, inner: Floats) -> Floats:
+    """Return the ring along the outer border of an open track and back along the inner one."""
+    return np.concatenate([outer, inner[::-1], outer[:1]])
 
 
 @kernel
 def line_project(line: np.ndarray, x: float, y: float) -> tuple[float, float, float]:
-    """Find the line's point nearest to (x, y); ties go to the earlier segment.
+    """Return the line's point nearest to (x, y); ties go to the earlier segment.
 
     Returns:
         the point's x and y, and its position i + share: `share` of the way along segment i.
@@ -116,7 +130,7 @@ def locate(
 def measure(
     rows: np.ndarray,
     states: np.ndarray,
-    body: np.ndarray,
+    car_points: np.ndarray,
     centre: np.ndarray,
     distances: np.ndarray,
     inner: np.ndarray,
@@ -126,12 +140,12 @@ def measure(
     fronts: np.ndarray,
     measures: np.ndarray,
 ) -> None:
-    """Find out where some cars stand.
+    """Measure where some cars stand on the road.
 
     Args:
         rows: which cars, (K,).
         states: base x, y (m) and heading (rad) first, (N, ≥3).
-        body: front point and wheel points in the car's frame, (5, 2), m.
+        car_points: front point and wheel points in the car's frame, (5, 2), m.
         centre: as in `locate`, like the next five.
         distances: arclength.
         inner: inner border.
@@ -139,13 +153,13 @@ def measure(
         edge: around the road.
         hole: inside of it.
         fronts: filled with the front points, (N, 2), m.
-        measures: filled with what `locate` tells, (N, 6).
+        measures: filled with the outputs of `locate`, (N, 6).
     """
-    points = np.empty(body.shape)
+    points = np.empty(car_points.shape)
     for row in rows:
         cos, sin = np.cos(states[row, 2]), np.sin(states[row, 2])
-        for k in range(len(body)):
-            points[k, 0] = states[row, 0] + body[k, 0] * cos - body[k, 1] * sin
-            points[k, 1] = states[row, 1] + body[k, 0] * sin + body[k, 1] * cos
+        for k in range(len(car_points)):
+            points[k, 0] = states[row, 0] + car_points[k, 0] * cos - car_points[k, 1] * sin
+            points[k, 1] = states[row, 1] + car_points[k, 0] * sin + car_points[k, 1] * cos
         fronts[row] = points[0]
         locate(centre, distances, inner, outer, edge, hole, points[0], points[1:], measures[row])

@@ -1,6 +1,6 @@
 """The track: a centre line and two borders, checked once. Metres and radians.
 
-Knows nothing of files, cars or cameras. A ring is an array (M, 2) whose last row repeats its first;
+A ring is an array (M, 2) whose last row repeats its first;
 the three lines of a track that is lapped are rings, those of an open one end elsewhere.
 """
 
@@ -10,17 +10,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from repaint_cli.envs.racer.track.geometry import crosses_itself, line_project, ring_holds
-
-Floats = NDArray[np.float64]
-
-_SAME_POINT = 1e-9  # metres; many published tracks hold one row twice
-_LEAST_CORNERS = 4
-_MOST_ROWS = 5_000
-"""Every line is compared with itself, by the square of its rows."""
-_FARTHEST, _MOST_AREA, _LONGEST = 1e4, 2500.0, 1000.0
-"""Metres from the origin, square metres around the track, metres of a line: its ground is painted
-at 5 mm, and the largest of DeepRacer's tracks need a tenth of it."""
+from repaint_cli.envs.racer.track.checks import check_lap, check_open_track, checked_rows
+from repaint_cli.envs.racer.track.geometry import Floats, line_project, road_ring, signed_area
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +19,7 @@ class Track:
     """A road between two borders. Arrays are read-only; equal tracks hash alike."""
 
     name: str
-    """What people call it."""
+    """Of the track, for people."""
     centre: Floats
     """Centre line in driving order, (M, 2), m."""
     inner: Floats
@@ -54,12 +45,13 @@ class Track:
         predecessor are dropped.
 
         Raises:
-            ValueError: the rows are no road; the message says what was wanted and what was found.
+            ValueError: the rows have another shape, hold numbers that are not finite, are too few
+                or too many, or their lines cross or do not enclose a road.
         """
-        rows = _checked_rows(waypoints, name)
+        rows = checked_rows(waypoints, name)
         centre, inner, outer = (np.ascontiguousarray(rows[:, k : k + 2]) for k in (0, 2, 4))
         closed = bool((rows[0] == rows[-1]).all())
-        (_check_lap if closed else _check_lane)(centre, inner, outer, f"track '{name}'")
+        (check_lap if closed else check_open_track)(centre, inner, outer, f"track '{name}'")
         steps = np.hypot(*np.diff(centre, axis=0).T)  # (M-1,)
         distances = np.concatenate([[0.0], np.cumsum(steps)])
         for array in (centre, inner, outer, distances):
@@ -72,7 +64,7 @@ class Track:
             distances=distances,
             length=float(distances[-1]),
             width=_median_width(centre, inner, outer),
-            ccw=_signed_area(centre if closed else _around(outer, inner)) > 0,
+            ccw=signed_area(centre if closed else road_ring(outer, inner)) > 0,
             closed=closed,
         )
 
@@ -99,7 +91,7 @@ class Track:
         """The ring around the road, and the ring around what is inside of it but not road."""
         if self.closed:
             return self.outer, self.inner
-        return _around(self.outer, self.inner), self.inner[:1]  # one point holds nothing
+        return road_ring(self.outer, self.inner), self.inner[:1]  # one point holds nothing
 
     def reversed(self) -> "Track":
         """Return the same road, driven the other way; its start line stays."""
@@ -113,7 +105,7 @@ class Track:
         )
 
     def pose_at(self, lap_fraction: Floats) -> tuple[Floats, Floats]:
-        """Find the places at these fractions of the lap.
+        """Return the points at these fractions of the lap.
 
         Args:
             lap_fraction: arclength from the start line over the track's length, any shape S; wraps
@@ -145,105 +137,6 @@ class Track:
     @property
     def _key(self) -> tuple[str, bytes, bytes, bytes]:
         return self.name, self.centre.tobytes(), self.inner.tobytes(), self.outer.tobytes()
-
-
-def _checked_rows(waypoints: np.ndarray, name: str) -> Floats:
-    """Return the waypoints as a closed float array without repeated rows, (M, 6)."""
-    rows = np.asarray(waypoints)
-    if rows.ndim != 2 or rows.shape[1] != 6:
-        raise ValueError(
-            f"track '{name}': expected an array of shape (N, 6), found {rows.shape}; "
-            "a row is centre x, y, inner x, y, outer x, y"
-        )
-    if rows.dtype.kind not in "fiu" or not np.isfinite(rows).all():
-        raise ValueError(
-            f"track '{name}': expected finite numbers, found NaN, infinity or another type "
-            f"({rows.dtype}); remove those rows"
-        )
-    with np.errstate(over="ignore"):  # of more than 64 bits
-        rows = rows.astype(np.float64)
-    _check_size(rows, name)
-    if len(rows):
-        moves = np.abs(np.diff(rows, axis=0)).max(axis=1) > _SAME_POINT
-        rows = rows[np.concatenate([[True], moves])]
-    if len(rows) < _LEAST_CORNERS + 1:
-        raise ValueError(
-            f"track '{name}': expected at least {_LEAST_CORNERS + 1} rows that differ from their "
-            f"neighbours, found {len(rows)}; add waypoints"
-        )
-    ends_apart = np.abs(rows[-1] - rows[0]).max()
-    if ends_apart <= _SAME_POINT:
-        rows[-1] = rows[0]
-        return rows
-    spacing = float(np.median(np.hypot(*np.diff(rows[:, :2], axis=0).T)))
-    if np.hypot(*(rows[-1] - rows[0])[:2]) <= 2 * spacing:
-        raise ValueError(
-            f"track '{name}': expected the last row to repeat the first, or the ends of an open "
-            f"track to be far apart, found them {ends_apart:.3g} m apart; append the first row"
-        )
-    return rows
-
-
-def _check_size(rows: Floats, name: str) -> None:
-    """Refuse what cannot be painted or compared in reasonable time: mostly, other units than m."""
-    if len(rows) > _MOST_ROWS:
-        raise ValueError(
-            f"track '{name}': expected at most {_MOST_ROWS:,} rows, found {len(rows):,}; thin it"
-        )
-    if not len(rows):
-        return
-    if np.abs(rows).max() <= _FARTHEST:
-        area = float(np.ptp(rows[:, ::2]) * np.ptp(rows[:, 1::2]))
-        moves = np.diff(rows, axis=0).reshape(-1, 3, 2)
-        if area <= _MOST_AREA and np.hypot(moves[..., 0], moves[..., 1]).sum(0).max() <= _LONGEST:
-            return
-    raise ValueError(
-        f"track '{name}': expected a track within {_FARTHEST:,.0f} m of the origin, on at most "
-        f"{_MOST_AREA:,.0f} m², of lines of at most {_LONGEST:,.0f} m, found a larger one; "
-        "its unit is the metre"
-    )
-
-
-def _check_lap(centre: Floats, inner: Floats, outer: Floats, what: str) -> None:
-    """Refuse lines that are no rings one inside the other."""
-    _check_ring(centre, f"{what}: the centre line")
-    _check_ring(inner, f"{what}: the inner border")
-    _check_ring(outer, f"{what}: the outer border")
-    if not all(ring_holds(outer, x, y) for x, y in inner):
-        raise ValueError(
-            f"{what}: the inner border must lie inside the outer one; "
-            "swap columns 3-4 with columns 5-6, or repair the borders"
-        )
-
-
-def _check_lane(centre: Floats, inner: Floats, outer: Floats, what: str) -> None:
-    """Refuse an open track whose borders do not enclose its centre line."""
-    road = _around(outer, inner)
-    _check_ring(road, f"{what}: the line around the road")
-    if not all(ring_holds(road, x, y) for x, y in centre[1:-1]):
-        raise ValueError(
-            f"{what}: the centre line must lie between the borders; check the order of the columns"
-        )
-
-
-def _around(outer: Floats, inner: Floats) -> Floats:
-    """Return the ring along the outer border of an open track and back along the inner one."""
-    return np.concatenate([outer, inner[::-1], outer[:1]])
-
-
-def _check_ring(ring: Floats, what: str) -> None:
-    """Refuse rings without area and rings that cross themselves."""
-    if abs(_signed_area(ring)) < 1e-6:
-        raise ValueError(f"{what} must enclose an area, found none; check its columns")
-    if crosses_itself(ring):
-        raise ValueError(f"{what} must not cross itself, found a crossing; smooth or thin it")
-
-
-def _signed_area(ring: Floats) -> float:
-    """Return the shoelace area, m²; positive for counter-clockwise rings."""
-    x, y = ring[:-1].T
-    x_next, y_next = ring[1:].T
-    return float(np.sum(x * y_next - x_next * y) / 2)
 
 
 def _median_width(centre: Floats, inner: Floats, outer: Floats) -> float:

@@ -6,8 +6,8 @@ import numpy as np
 
 from repaint_cli.learn.update.adam import EPSILON, RowAdam
 from repaint_cli.learn.update.compiled.kernels import Row, Tower
-from repaint_cli.policies import networks
 from repaint_cli.policies.networks import ActorCritic
+from repaint_cli.policies.parameters import NetworkName
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class Place:
         assert leaf.grad is not None
         return leaf.detach()[self.s].numpy(), leaf.grad[self.s].numpy()
 
-    def tower(self, name: networks.Tower, size: int) -> Tower:
+    def tower(self, name: NetworkName, size: int) -> Tower:
         """Return a policy or a critic, with room for a minibatch of `size`."""
         n_hidden = len(self.student.net.widths(name))
         layers = [f"{name}.{layer}" for layer in (*range(n_hidden), "head")]

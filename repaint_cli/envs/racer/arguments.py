@@ -1,0 +1,76 @@
+"""Checks of what callers give the racer: settings, actions, seeds and start options."""
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from repaint_cli.envs.racer.track.geometry import Floats
+
+
+def check_positive(**numbers: int) -> None:
+    """Check that settings are at least 1.
+
+    Raises:
+        ValueError: a setting is less than 1.
+    """
+    for name, value in numbers.items():
+        if value < 1:
+            raise ValueError(f"expected {name} of at least 1, found {value}")
+
+
+def check_names(**names: tuple[str, Iterable[str]]) -> None:
+    """Check that settings, each given with its possible values, are among these.
+
+    Raises:
+        ValueError: a value is unknown.
+    """
+    for what, (name, known) in names.items():
+        if name not in known:
+            raise ValueError(f"unknown {what} '{name}'; choose one of {', '.join(known)}")
+
+
+def checked_actions(actions: NDArray[np.int64], n: int, n_actions: int) -> NDArray[np.int64]:
+    """Return actions as an array (N,).
+
+    Raises:
+        ValueError: the actions are not N integers from 0 to A − 1.
+    """
+    actions = np.asarray(actions)
+    if actions.shape != (n,) or actions.dtype.kind not in "iu":
+        raise ValueError(
+            f"expected {n} integer actions, found shape {actions.shape} of {actions.dtype}"
+        )
+    if actions.min() < 0 or actions.max() >= n_actions:
+        raise ValueError(f"expected actions from 0 to {n_actions - 1}, found {actions}")
+    return actions
+
+
+def seeds_of(seed: int | Sequence[int | None] | None, n: int) -> Sequence[int | None]:
+    """Return a seed for each of N environments: s stands for s, s + 1, …; None is no new seed.
+
+    Raises:
+        ValueError: there are not N seeds.
+    """
+    if seed is None:
+        return [None] * n
+    if isinstance(seed, (int, np.integer)):
+        return [int(seed) + i for i in range(n)]
+    if len(seed) != n:
+        raise ValueError(f"expected {n} seeds, found {len(seed)}")
+    return seed
+
+
+def lap_fractions_of(options: dict[str, Any] | None, n: int) -> Floats | None:
+    """Return the start option "lap_fraction", (N,), in [0, 1); None where it is absent.
+
+    Raises:
+        ValueError: the fractions are not N finite numbers.
+    """
+    if options is None or "lap_fraction" not in options:
+        return None
+    fractions = np.array(options["lap_fraction"], dtype=np.float64)
+    if fractions.shape != (n,) or not np.isfinite(fractions).all():
+        raise ValueError(f"expected {n} finite lap fractions, found {fractions}")
+    return np.mod(fractions, 1.0)

@@ -1,0 +1,119 @@
+"""The parameters of a policy and a critic: their names, shapes and first values.
+
+Names are those of the leaves in a file of weights, so they never change.
+"""
+
+from collections.abc import Generator, Iterator
+from dataclasses import dataclass
+from math import prod, sqrt
+from typing import Literal
+
+import numpy as np
+
+from repaint_cli.errors import CardError
+from repaint_cli.policies.architecture import NetConfig
+from repaint_cli.policies.spaces import Spaces
+
+NetworkName = Literal["policy", "value"]
+
+LIDAR_WIDTHS = (256, 256)
+"""Of the ReLU layers that read a lidar, beside the convolutions."""
+
+
+@dataclass(frozen=True)
+class Leaf:
+    """One parameter tensor of a network, before it is allocated."""
+
+    name: str
+    shape: tuple[int, ...]
+    gain: float
+    """Scale of the orthogonal initialisation; 0 is all zeros."""
+
+
+def leaves_of(spaces: Spaces, net: NetConfig) -> dict[NetworkName, list[Leaf]]:
+    """Return the parameters of a policy and of a critic, in order.
+
+    Raises:
+        CardError: the networks do not read the task's observations.
+    """
+    if (net.kind == "cnn") != spaces.image:
+        wanted = "an image" if net.kind == "cnn" else "a vector"
+        raise CardError(f"net.kind '{net.kind}' reads {wanted}, the task gives {spaces}")
+    names: tuple[NetworkName, NetworkName] = ("policy", "value")
+    return {name: list(_network(name, spaces, net)) for name in names}
+
+
+def _network(name: NetworkName, spaces: Spaces, net: NetConfig) -> Iterator[Leaf]:
+    """Yield the parameters of the policy or of the critic, in order."""
+    if spaces.image:
+        size = yield from _sensor_layers(name, spaces, net)
+        yield from _dense(f"{name}.dense", size, net.dense, sqrt(2))
+        size = net.dense
+    else:
+        size = spaces.obs_shape[0]
+        for layer, width in enumerate(net.widths(name)):
+            yield from _dense(f"{name}.{layer}", size, width, sqrt(2))
+            size = width
+    if name == "value":
+        yield from _dense("value.head", size, 1, 1.0)
+    else:
+        yield from _dense("policy.head", size, spaces.n_actions, 0.01)
+        if not spaces.discrete:
+            yield Leaf("policy.log_std", (spaces.n_actions,), 0.0)
+
+
+def _sensor_layers(name: NetworkName, spaces: Spaces, net: NetConfig) -> Generator[Leaf, None, int]:
+    """Yield the parameters that read the camera and the lidar; return their number of features.
+
+    A critic that shares the policy's layers has none of its own.
+    """
+    layers: list[Leaf] = []
+    size = _add_conv_torso(layers, name, spaces, net)
+    if spaces.n_beams:
+        n_in = spaces.n_beams
+        for layer, width in enumerate(LIDAR_WIDTHS):
+            layers += _dense(f"{name}.lidar{layer}", n_in, width, sqrt(2))
+            n_in = width
+        size += n_in
+    if name == "policy" or not net.shared:
+        yield from layers
+    return size
+
+
+def _add_conv_torso(layers: list[Leaf], name: NetworkName, spaces: Spaces, net: NetConfig) -> int:
+    """Append the parameters of the convolutions; return their number of features.
+
+    Raises:
+        CardError: the image is smaller than a convolution's kernel.
+    """
+    height, width, channels = spaces.obs_shape
+    height, width = height // net.pool, width // net.pool
+    for layer, (filters, kernel, stride) in enumerate(net.conv_torso.layers):
+        shape = (filters, channels, kernel, kernel)
+        layers.append(Leaf(f"{name}.conv{layer}.weight", shape, sqrt(2)))
+        layers.append(Leaf(f"{name}.conv{layer}.bias", (filters,), 0.0))
+        height, width = (height - kernel) // stride + 1, (width - kernel) // stride + 1
+        channels = filters
+        if min(height, width) < 1:
+            raise CardError(
+                f"net.conv layer {layer} needs a larger image: {spaces} at net.pool {net.pool}"
+            )
+    size = channels * height * width
+    if net.conv_torso.dense:
+        layers += _dense(f"{name}.embed", size, net.conv_torso.dense, sqrt(2))
+        size = net.conv_torso.dense
+    return size
+
+
+def _dense(name: str, n_in: int, n_out: int, gain: float) -> Iterator[Leaf]:
+    yield Leaf(f"{name}.weight", (n_in, n_out), gain)
+    yield Leaf(f"{name}.bias", (n_out,), 0.0)
+
+
+def orthogonal(rng: np.random.Generator, shape: tuple[int, ...], gain: float) -> np.ndarray:
+    """Draw a matrix with orthogonal rows or columns, times gain, float32; a filter is a row."""
+    rows, columns = (shape[0], prod(shape[1:]))
+    drawn = rng.standard_normal((max(rows, columns), min(rows, columns)))
+    q, r = np.linalg.qr(drawn)
+    q = q * np.sign(np.diag(r))
+    return (gain * (q if rows >= columns else q.T)).reshape(shape).astype(np.float32)
