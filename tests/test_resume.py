@@ -82,7 +82,7 @@ def test_more_iterations_are_those_of_a_longer_run(tmp_path, kind):
         killed_runs.go_on(kind, tmp_path / name, n_iterations)
     short = read_run(tmp_path / "short")
     plan = plan_of(short.record, short.task, short.folder).for_iterations(5)
-    list(experiment.Experiment(plan, resume=True).run())
+    list(experiment.Experiment.resume(plan).run())
     assert_same(plan.folder, tmp_path / "long")
 
 
@@ -158,7 +158,7 @@ def test_a_checkpoint_of_another_version_is_refused(repaint, home):
     rewritten(home / "run" / "checkpoint.safetensors", version="0.0.7")
     said = repaint("transfer", "--resume", "run")
     assert said.code == CheckpointError.exit_code
-    assert "was written by repaint 0.0.7, this is repaint 0.1.0, which" in said.err
+    assert "was written by repaint 0.0.7, this is repaint 0.2.0, which" in said.err
 
 
 def test_a_checkpoint_of_another_run_is_refused(repaint, home):

@@ -7,7 +7,7 @@ import typer
 
 from repaint_cli.cli import options
 
-METHODS = "scratch,kickstart,instance,repaint"
+DEFAULT_METHODS = "scratch,kickstart,instance,repaint"
 """What is trained where --methods does not say: the paper's table 1."""
 
 
@@ -31,7 +31,7 @@ def compare(
     ] = None,
     methods: Annotated[
         str | None,
-        typer.Option(help=f"With --task: which, with commas between; default: {METHODS}."),
+        typer.Option(help=f"With --task: which, with commas between; default: {DEFAULT_METHODS}."),
     ] = None,
     seeds: Annotated[
         int | None, typer.Option(help="With --task: how many seeds each; default: 3.")
@@ -76,7 +76,7 @@ def compare(
     if report:
         options.refuse("a single picture, in place of --report", output=output)
     if task:
-        chosen = METHODS if methods is None else methods
+        chosen = DEFAULT_METHODS if methods is None else methods
         side_by_side.check_reference(reference, named, chosen)
         runs = options.seed_list(seed or 0, 3 if seeds is None else seeds)
         named += contest.train_all(

@@ -89,7 +89,7 @@ def read_json(path: Path, error: type[RepaintError]) -> Any:
     return parsed(read_text(path, error), str(path), error)
 
 
-def read_card(path: Path, error: type[RepaintError]) -> dict[str, Any]:
+def read_toml(path: Path, error: type[RepaintError]) -> dict[str, Any]:
     """Read a TOML text; see `parsed`."""
     text = read_text(path, error, LARGEST_CARD).replace("\r\n", "\n")
     if _DEEP_KEY.search(text):
@@ -146,7 +146,7 @@ def _check_values(found: Any) -> None:
 
 
 def read_rows(
-    path: Path, error: type[RepaintError], needed: Iterable[str]
+    path: Path, error: type[RepaintError], needed: Iterable[str], *, appended: bool = False
 ) -> Iterator[dict[str, str]]:
     """Yield a table's rows by column: CSV without quotes, a row a line, read one by one.
 
@@ -154,6 +154,8 @@ def read_rows(
         path: where.
         error: what to raise.
         needed: columns that it must have, beside any others.
+        appended: whether rows are appended one by one, so that a last line without its end is one
+            that is only half there yet, and no row.
 
     Raises:
         RepaintError: the file cannot be read, is too much, lacks a column, or a row has other
@@ -167,7 +169,7 @@ def read_rows(
             if absent:
                 raise ValueError(f"expected one column '{absent[0]}', found {len(names)} others")
             for number in range(MOST_CELLS // len(names)):
-                cells = _cells(file)
+                cells = _cells(file, whole=appended)
                 if not cells:
                     return
                 if len(cells) != len(names):
@@ -180,8 +182,8 @@ def read_rows(
         raise error(f"cannot read {path!s:.500}: {problem}") from problem
 
 
-def _cells(file: TextIO) -> list[str]:
-    """Return a line's cells; none at the end.
+def _cells(file: TextIO, *, whole: bool = False) -> list[str]:
+    """Return a line's cells; none at the end, which may be a line that is not `whole`.
 
     Raises:
         ValueError: it is too long.
@@ -189,4 +191,6 @@ def _cells(file: TextIO) -> list[str]:
     line = file.readline(LONGEST_LINE)
     if len(line) == LONGEST_LINE:
         raise ValueError(f"expected lines of less than {LONGEST_LINE:,} characters, found a longer")
-    return line.rstrip("\n").split(",") if line else []
+    if not line or (whole and not line.endswith("\n")):
+        return []
+    return line.rstrip("\n").split(",")

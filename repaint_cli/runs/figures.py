@@ -20,7 +20,7 @@ from repaint_cli.report.curves import plot_curves
 from repaint_cli.report.paths import Paths
 from repaint_cli.report.video import write_video
 from repaint_cli.runs import evaluations
-from repaint_cli.runs.reader import Run
+from repaint_cli.runs.reader import FinishedRun
 from repaint_cli.tasks.task import TaskCard
 
 Colour = Literal["speed", "reward"]
@@ -32,45 +32,46 @@ PANELS = 6
 """Checkpoints whose trajectories are drawn."""
 
 
-def draw_run(run: Run) -> list[Path]:
+def draw_run(run: FinishedRun) -> list[Path]:
     """Draw a run's learning curve and, where the task has paths, its first seed's trajectories."""
-    curves = run.folder / "curves.png"
+    curves = run.files.curves
     draw_curves({run.label: run}, curves, title=f"{run.task.name}: {run.label}")
-    title = f"{run.task.name}: {run.label}, seed {run.record['seeds'][0]}"
+    title = f"{run.task.name}: {run.label}, seed {run.seeds[0]}"
     return [curves, *_draw_evaluations(run, title), *_draw_training(run, title)]
 
 
-def _draw_evaluations(run: Run, title: str) -> list[Path]:
+def _draw_evaluations(run: FinishedRun, title: str) -> list[Path]:
     """Draw where some of the evaluations led."""
-    kept = list(evaluations.kept(run.folder))
+    kept = list(run.files.kept_evaluations().items())
     if not kept:
         return []
     chosen = np.unique(np.linspace(0, len(kept) - 1, PANELS).round().astype(int))
-    ks = [kept[i] for i in chosen]
-    panels = [(f"iteration {k}", evaluations.read(run.folder, k)) for k in ks]
-    trajectories = run.folder / "trajectories.png"
+    panels = [(f"iteration {k}", evaluations.read(path)) for k, path in (kept[i] for i in chosen)]
+    trajectories = run.files.trajectories
     return [trajectories] if draw_trajectories(run.task, panels, trajectories, title) else []
 
 
-def _draw_training(run: Run, title: str) -> list[Path]:
+def _draw_training(run: FinishedRun, title: str) -> list[Path]:
     """Draw where a racing run's first seed drove in training and how far; return the pictures."""
     if not isinstance(run.task.env, RacerEnv) or run.progress is None:
         return []
-    log = log_folders(run.folder, run.record["seeds"])[0]
+    log = log_folders(run.folder, run.seeds)[0]
     drives = [(k, trace) for k, traces in read_training(log) for trace in traces]
     track = load_track(run.task.env.track)
-    heatmap, progress = run.folder / "heatmap.png", run.folder / "progress.png"
+    heatmap, progress = run.files.heatmap, run.files.progress
     plot_heatmap(drives, track.inner, track.outer, track.centre, heatmap, title)
     plot_progress(drives, run.progress[0], progress, title)
     return [heatmap, progress]
 
 
-def draw_curves(runs: dict[str, Run], path: Path, title: str, target: float | None = None) -> None:
+def draw_curves(
+    runs: dict[str, FinishedRun], path: Path, title: str, target: float | None = None
+) -> None:
     """Draw learning curves of runs on one task, by label, and what they were to reach."""
     some = list(runs.values())
     progress = {label: run.progress for label, run in runs.items() if run.progress is not None}
     scratch = [run.returns for run in some if run.method == "scratch"]
-    taught = [run for run in some if run.record["teachers"] and run.method != "warm-start"]
+    taught = [run for run in some if run.record.teachers and run.method != "warm-start"]
     lengths = {run.taught_until for run in taught}
     best = float(np.nanmax(scratch[0].mean(0))) if scratch and len(some) > 1 else None
     mark = None if best is None else (best, "scratch's best")

@@ -9,7 +9,7 @@ from typing import Any
 
 from repaint_cli.envs.racer.deepracer.model_files import read_hyperparameters, read_model_metadata
 from repaint_cli.errors import CardError, NotFound
-from repaint_cli.files.limits import read_card, read_text
+from repaint_cli.files.limits import read_text, read_toml
 from repaint_cli.paths import shipped
 from repaint_cli.tasks.task import TaskCard
 
@@ -42,7 +42,7 @@ def read_task(name: str) -> TaskCard:
 
 def _resolve(path: Path) -> dict[str, Any]:
     """Read TOML and merge it over what it extends."""
-    data = read_card(path, CardError)
+    data = read_toml(path, CardError)
     code = _reward_code(data, path.parent)
     _resolve_files(data, path.parent)
     base = data.pop("extends", None)

@@ -77,9 +77,9 @@ def go_on(kind, folder, n_iterations=12):
     torch.set_num_threads(1)
     if (folder / "run.json").is_file():
         run = read_run(folder)
-        experiment = Experiment(plan_of(run.record, run.task, folder), resume=True)
+        experiment = Experiment.resume(plan_of(run.record, run.task, folder))
     else:
-        experiment = Experiment(plan(kind, folder, n_iterations))
+        experiment = Experiment.begin(plan(kind, folder, n_iterations))
     for _ in experiment.run():
         pass
 
