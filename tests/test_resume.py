@@ -76,6 +76,33 @@ def test_a_run_killed_again_and_again_ends_as_an_undisturbed_one(tmp_path, kind,
     assert_same(folder, tmp_path / "calm" / "run")
 
 
+@pytest.mark.parametrize(
+    ("kind", "share", "n_iterations"),
+    [("repaint", 0, 3), ("repaint", 0.5, 3), ("repaint", 1, 3), ("racer", 0.5, 2)],
+)
+def test_a_run_killed_in_any_append_ends_as_an_undisturbed_one(tmp_path, kind, share, n_iterations):
+    (tmp_path / "calm").mkdir()
+    killed_runs.go_on(kind, tmp_path / "calm" / "run", n_iterations)
+    calm = told(tmp_path / "calm" / "run")
+    half_done, number = set(), 1
+    while True:
+        folder = tmp_path / f"wild-{number}" / "run"
+        folder.parent.mkdir()
+        if not killed_runs.killed_in_append(kind, folder, number, share, n_iterations):
+            break
+        half_done |= {
+            path.name
+            for path in folder.rglob("*")
+            if path.suffix in (".csv", ".json", ".jsonl") and path.read_bytes()[-1:] != b"\n"
+        }
+        killed_runs.go_on(kind, folder, n_iterations)
+        assert told(folder) == calm
+        number += 1
+    wanted = {"repaint": set(), "racer": {"TrainingMetrics.json"}}[kind] | {"metrics.csv"}
+    assert half_done == (wanted if share == 0.5 else set())
+    assert number > (3 if kind == "repaint" else 7)
+
+
 @pytest.mark.parametrize("kind", ["repaint", "q-learning"])
 def test_more_iterations_are_those_of_a_longer_run(tmp_path, kind):
     for name, n_iterations in (("long", 5), ("short", 3)):  # with the same teacher beside them

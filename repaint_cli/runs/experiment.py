@@ -142,7 +142,7 @@ class Experiment:
                     episodes = evaluate(learner.student, task, learner.seeds, task.eval.episodes, k)
                 inform(task, learner, stats, episodes)
                 report = Report(stats, episodes, perf_counter() - started)
-                self._save(report)
+                self.save(report)
                 yield report
             outcome = "finished"
         finally:
@@ -151,7 +151,7 @@ class Experiment:
                 self._forget_half_done()
             self._write_record(outcome)
 
-    def _save(self, report: Report) -> None:
+    def save(self, report: Report) -> None:
         """Put an iteration on disk; it counts once its checkpoint is there."""
         files, state, k = self.plan.files, self.state, report.stats.iteration
         for s, log in enumerate(self._logs):

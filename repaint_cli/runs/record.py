@@ -16,7 +16,7 @@ from pydantic import (
 
 from repaint_cli.errors import CheckpointError
 from repaint_cli.files.atomic import append_text, as_json, write_text
-from repaint_cli.files.limits import read_json
+from repaint_cli.files.limits import read_bytes, read_json
 from repaint_cli.runs.folder import RunFolder, remove
 from repaint_cli.settings import first_problem
 from repaint_cli.tasks.methods import ALGORITHMS, METHODS
@@ -204,12 +204,13 @@ def alarms_until(k: int, files: RunFolder, record: RunRecord) -> list[Alarm]:
     """Return the alarms up to iteration k: those in run.json, and those noted since then.
 
     Raises:
-        CheckpointError: the file of new alarms cannot be read.
+        CheckpointError: the file of new alarms cannot be read or is damaged.
     """
+    data = read_bytes(files.new_alarms, CheckpointError) if files.new_alarms.exists() else b""
+    *lines, _ = data.split(b"\n")  # after the last end of a line stands what is half written
     try:
-        data = files.new_alarms.read_bytes() if files.new_alarms.exists() else b""
-        *lines, _ = data.split(b"\n")  # after the last end of a line stands what is half written
         new = [Alarm.model_validate_json(line) for line in lines]
-    except (OSError, ValueError) as error:
-        raise CheckpointError(f"{files.new_alarms} is damaged: {error!s:.200}") from error
+    except ValidationError as error:
+        problem = first_problem(error)
+        raise CheckpointError(f"{files.new_alarms} is damaged: {problem}") from error
     return [alarm for alarm in dict.fromkeys([*record.alarms, *new]) if alarm.iteration <= k]
