@@ -135,7 +135,7 @@ class RunFolder:
         """Remove the evaluations after iteration k, and checkpoints that are no earlier than it.
 
         Raises:
-            StoreError: one of them cannot be removed.
+            StoreError: a file cannot be removed.
         """
         later = [path for n, path in self.kept_evaluations().items() if n > k]
         later += [path for n, path in self.earlier_checkpoints().items() if n >= k]
@@ -146,7 +146,7 @@ class RunFolder:
         """Remove the files that a killed process had not finished.
 
         Raises:
-            StoreError: one of them cannot be removed.
+            StoreError: a file cannot be removed.
         """
         for path in self.path.rglob(f"{UNFINISHED}*"):
             remove(path)
@@ -156,7 +156,7 @@ def remove(path: Path) -> None:
     """Remove a file, where it is there.
 
     Raises:
-        StoreError: it cannot be removed.
+        StoreError: the file cannot be removed.
     """
     with written_to(path):
         path.unlink(missing_ok=True)

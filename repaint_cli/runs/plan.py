@@ -133,8 +133,8 @@ def plan_of(record: RunRecord, task: TaskCard, folder: Path) -> Plan:
 
     Raises:
         CheckpointError: the record is of an earlier version.
-        NotFound: a teacher is gone.
-        TeacherMismatch: a teacher's file is another one now.
+        NotFound: a teacher's file is gone.
+        TeacherMismatch: a teacher's file has other contents now.
     """
     record.check_resumable(RunFolder(folder))
     paths = [(_file_of(teacher), teacher.instances) for teacher in record.teachers]
@@ -151,8 +151,8 @@ def _file_of(teacher: TeacherRecord) -> Path:
     """Return a teacher's file: where it was, or in the zoo; its contents must be the same.
 
     Raises:
-        NotFound: there is no such file.
-        TeacherMismatch: every such file has other contents.
+        NotFound: neither place has a file.
+        TeacherMismatch: the files there have other contents.
     """
     name, wanted = teacher.name, teacher.sha256
     known = store.teachers()

@@ -81,8 +81,8 @@ def read_run(folder: Path) -> FinishedRun:
     """Read a run's folder.
 
     Raises:
-        NotFound: there is no run.
-        CheckpointError: its files are damaged.
+        NotFound: the folder is no run's.
+        CheckpointError: run.json or metrics.csv is damaged.
     """
     files = RunFolder(folder)
     if not os.path.exists(files.record):  # which takes any name
@@ -125,7 +125,7 @@ def newest_run(root: Path) -> Path:
     """Return the folder of the run below `root` that wrote last.
 
     Raises:
-        NotFound: there is none.
+        NotFound: no run below has a checkpoint and metrics.
     """
     below = [RunFolder(path.parent) for path in root.rglob(RunFolder(root).record.name)]
     runs = [files for files in below if files.checkpoint.is_file() and files.metrics.is_file()]

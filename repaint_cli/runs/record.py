@@ -146,7 +146,7 @@ class RunRecord(BaseModel):
         """Write the record; the file of new alarms, all of which are in it, is gone then.
 
         Raises:
-            StoreError: it cannot be written.
+            StoreError: run.json cannot be written.
         """
         write_text(files.record, as_json(self.model_dump(mode="json")))
         remove(files.new_alarms)
@@ -155,7 +155,7 @@ class RunRecord(BaseModel):
         """Take in alarms, as many as there is room for, and put them on disk beside run.json.
 
         Raises:
-            StoreError: they cannot be written.
+            StoreError: the file of new alarms cannot be written.
         """
         new = alarms[: MOST_ALARMS - len(self.alarms)]
         if not new:
@@ -171,7 +171,7 @@ class RunRecord(BaseModel):
         """Check that the record holds what a resumed run needs, and earlier versions left out.
 
         Raises:
-            CheckpointError: something is absent.
+            CheckpointError: a part is absent.
         """
         absent = [name for name in DECIDED if name not in self.model_fields_set]
         for m, teacher in enumerate(self.teachers):

@@ -86,7 +86,7 @@ def save_checkpoint(
     """Write all that the run is after an iteration; keep as many earlier ones as planned.
 
     Raises:
-        StoreError: it cannot be written; the one before is as it was.
+        StoreError: the checkpoint cannot be written; the one before is as it was.
     """
     files, k = plan.files, learner.iteration
     if plan.keep > 1 and files.checkpoint.is_file():
@@ -101,7 +101,7 @@ def _copy(path: Path, other: Path) -> None:
     """Put a file in the place of another, too; it takes no room where there are links.
 
     Raises:
-        StoreError: it cannot be written.
+        StoreError: the copy cannot be written.
     """
     with written_whole(other) as temporary:
         temporary.unlink()
@@ -118,7 +118,7 @@ def restore(plan: Plan, teachers: LoadedTeachers, learner: Learner) -> RunState:
     damaged, the newest whole one of those kept counts.
 
     Raises:
-        CheckpointError: all are damaged, or they are of another run, version or teacher.
+        CheckpointError: all checkpoints are damaged, or of another run, version or teacher.
     """
     newest, earlier = plan.files.checkpoint, plan.files.earlier_checkpoints()
     if not newest.is_file() and not earlier:
@@ -144,7 +144,7 @@ def _check_identity(
     """Check that a checkpoint is of the planned run.
 
     Raises:
-        CheckpointError: it is of another.
+        CheckpointError: the checkpoint is of another run.
     """
     text = difference(notes.get("run"), plan.identity(teachers))
     if text:

@@ -51,8 +51,8 @@ def load_teachers(
         beside: 1 where the student acts in the teachers' iterations, too, and shares their steps.
 
     Raises:
-        TeacherMismatch: one of them does not fit the task, with a line for each.
-        CardError: their number and the settings do not go together.
+        TeacherMismatch: a teacher does not fit the task, with a line for each.
+        CardError: the number of teachers and the settings do not go together.
         CheckpointError: a file is damaged.
     """
     cards = [read_card(path) for path in paths]
@@ -92,7 +92,7 @@ def _check_shares(task: TaskCard, n_acting: int, beside: int) -> None:
     """Check that each share of an iteration's steps is longer than an episode.
 
     Raises:
-        CardError: it is not longer.
+        CardError: a share is too short.
     """
     if task.ppo.n_steps is None or task.ppo.n_episodes or not (task.transfer.instance and n_acting):
         return

@@ -86,8 +86,8 @@ class Simtrace:
         """Forget what was logged after iteration k, when the log was at `position`.
 
         Raises:
-            CheckpointError: its metrics are damaged.
-        StoreError: it cannot be written.
+            CheckpointError: TrainingMetrics.json is damaged.
+        StoreError: a file cannot be changed.
         """
         self._metrics.cut(int(position["noted"]))
         self._noted, self._clock = [], position["clock"]

@@ -41,8 +41,8 @@ class TrainingMetrics:
         """Leave the first n entries, after which others may stand, the last of them half written.
 
         Raises:
-            CheckpointError: the file is damaged: it has fewer.
-            StoreError: it cannot be written.
+            CheckpointError: the file is damaged or has fewer entries.
+            StoreError: the file cannot be written.
         """
         self.count = n
         if n:  # else the next entries make the file anew
@@ -52,7 +52,7 @@ class TrainingMetrics:
         """Return after how many bytes the nth entry ends.
 
         Raises:
-            CheckpointError: the file is damaged: it has fewer entries.
+            CheckpointError: the file is damaged or has fewer entries.
         """
         size, entries, end = len(HEAD), 0, 0
         try:
