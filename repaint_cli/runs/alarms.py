@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from repaint_cli.errors import RepaintError
-from repaint_cli.runs.folder import RunFolder
+from repaint_cli.runs.folder import runs_in
 from repaint_cli.runs.metrics import Report
 from repaint_cli.runs.reader import FinishedRun, read_run
 from repaint_cli.runs.record import Alarm
@@ -149,14 +149,14 @@ def reference_beside(folder: Path, task: TaskCard, algorithm: str) -> np.ndarray
     passed over.
     """
     references = list[tuple[float, FinishedRun]]()
-    for path in folder.resolve().parent.glob(f"*/{RunFolder(folder).record.name}"):
+    for files in runs_in(folder.resolve().parent):
         try:
-            run = read_run(path.parent)
+            run = read_run(files.path)
         except RepaintError:
             continue
         same = run.record.algorithm == algorithm and _basis(run.task) == _basis(task)
         if run.method == "scratch" and same and run.returns.size:
-            references.append((path.stat().st_mtime, run))
+            references.append((files.record.stat().st_mtime, run))
     return max(references, key=lambda pair: pair[0])[1].returns if references else None
 
 

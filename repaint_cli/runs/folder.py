@@ -11,6 +11,9 @@ from pathlib import Path
 from repaint_cli.errors import StoreError
 from repaint_cli.files.atomic import UMASK, UNFINISHED, alone_in, written_to
 
+RECORD = "run.json"
+"""What makes a folder a run's."""
+
 
 @dataclass(frozen=True)
 class RunFolder:
@@ -21,8 +24,8 @@ class RunFolder:
 
     @property
     def record(self) -> Path:
-        """The settings, versions and state, as JSON; what makes a folder a run's."""
-        return self.path / "run.json"
+        """The settings, versions and state, as JSON."""
+        return self.path / RECORD
 
     @property
     def new_alarms(self) -> Path:
@@ -150,6 +153,12 @@ class RunFolder:
         """
         for path in self.path.rglob(f"{UNFINISHED}*"):
             remove(path)
+
+
+def runs_in(root: Path, *, deep: bool = False) -> list[RunFolder]:
+    """Return the runs whose folders lie in a folder, or anywhere below it if `deep`."""
+    records = root.rglob(RECORD) if deep else root.glob(f"*/{RECORD}")
+    return [RunFolder(path.parent) for path in records]
 
 
 def remove(path: Path) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 
 from repaint_cli.errors import CheckpointError, NotFound
 from repaint_cli.files.limits import read_rows
-from repaint_cli.runs.folder import RunFolder
+from repaint_cli.runs.folder import RunFolder, runs_in
 from repaint_cli.runs.record import RunRecord
 from repaint_cli.tasks.task import TaskCard
 
@@ -127,8 +127,11 @@ def newest_run(root: Path) -> Path:
     Raises:
         NotFound: no run below has a checkpoint and metrics.
     """
-    below = [RunFolder(path.parent) for path in root.rglob(RunFolder(root).record.name)]
-    runs = [files for files in below if files.checkpoint.is_file() and files.metrics.is_file()]
+    runs = [
+        files
+        for files in runs_in(root, deep=True)
+        if files.checkpoint.is_file() and files.metrics.is_file()
+    ]
     if not runs:
         raise NotFound(
             f"expected a run below {root}/, found none; train: repaint train-teacher --task reacher"
