@@ -181,7 +181,7 @@ def lines(label: str, folder: Path, target: float) -> Iterator[dict[str, object]
     """Yield a line per seed: return and lap progress at the marks, area, iterations to target."""
     found = read_run(folder)
     returns, reached = found.returns, iterations_to(found.returns, target)
-    for s, seed in enumerate(found.record["seeds"]):
+    for s, seed in enumerate(found.seeds):
         line: dict[str, object] = {"row": label, "seed": seed}
         for k in (k for k in MARKS if k <= returns.shape[1]):
             line[f"return_{k}"] = f"{returns[s, k - 1]:.4g}"

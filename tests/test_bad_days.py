@@ -16,7 +16,7 @@ from test_runs import record_of
 
 from repaint_cli.cli import session
 from repaint_cli.errors import CardError, DivergedError
-from repaint_cli.runs import experiment
+from repaint_cli.files import atomic
 from repaint_cli.runs.reader import read_run
 
 FIXTURES = Path(__file__).parent / "fixtures"
@@ -209,7 +209,7 @@ def test_what_is_half_written_is_nobody_else_s(repaint, home, monkeypatch):
         modes.add(os.fstat(handle).st_mode & 0o077)
         real(handle)
 
-    monkeypatch.setattr(experiment.folder_lock.__wrapped__.__globals__["os"], "fsync", fsync)
+    monkeypatch.setattr(atomic.os, "fsync", fsync)
     assert repaint(*TRAIN).code == 0
     assert 0 in modes
     assert modes <= {0, 0o055}  # files are ours alone; folders are synced, too

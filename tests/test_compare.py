@@ -13,7 +13,7 @@ from small_runs import QUICK, add_teacher
 
 from repaint_cli.cli import comparison_table
 from repaint_cli.errors import NotFound
-from repaint_cli.runs.comparison import COLUMNS, compare, record, reference_of
+from repaint_cli.runs.comparison import COLUMNS, as_row, compare, reference_of
 
 SCRATCH = ["transfer", "--task", "reacher", "--method", "scratch", *QUICK]
 
@@ -85,7 +85,7 @@ def test_the_reference_is_a_label_or_a_method_and_scratch_may_be_absent():
 
 def test_a_record_is_strict_json():
     found, _ = standings(SLOW, LOST)
-    rows = [record(standing) for standing in found.standings]
+    rows = [as_row(standing) for standing in found.standings]
     told = json.loads(json.dumps(rows, allow_nan=False))
     assert tuple(told[0]) == COLUMNS
     assert (told[0]["k"], told[1]["k"], told[1]["k_each"]) == (5, None, [None, None])

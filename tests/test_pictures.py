@@ -13,7 +13,9 @@ from repaint_cli.envs.racer import figures as racer_figures
 from repaint_cli.envs.racer.deepracer.traces import Trace
 from repaint_cli.envs.racer.names import STATUS
 from repaint_cli.runs import figures
-from repaint_cli.runs.reader import Run
+from repaint_cli.runs.folder import RunFolder
+from repaint_cli.runs.reader import FinishedRun
+from repaint_cli.runs.record import RunRecord
 from repaint_cli.tasks.card_files import read_task
 
 T, E = 4, 3
@@ -64,9 +66,9 @@ def test_a_trainings_pictures_are_drawn_from_its_logs(told, tmp_path):
     log = log_of(TASK.env.logs.folders(tmp_path, [5])[0], TASK)
     log.train(1, ways[:1])
     log.train(3, ways[1:])
-    record = {"seeds": [5, 6], "method": "scratch", "teacher": None}
+    record = RunRecord(seeds=[5, 6], method="scratch", teachers=[], task={})
     rows = {"eval_return": np.zeros((2, 3)), "eval_progress": np.array([[7.0, 8, 9], [0, 0, 0]])}
-    drawn = figures._draw_training(Run(tmp_path, record, TASK, rows), "t")
+    drawn = figures._draw_training(FinishedRun(RunFolder(tmp_path), record, TASK, rows), "t")
     assert [path.name for path in drawn] == ["heatmap.png", "progress.png"]
     drives, evaluated, *_ = told["plot_progress"]
     assert [(k, trace.progress[-1]) for k, trace in drives] == [(1, 30), (3, 50)]

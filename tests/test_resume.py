@@ -77,13 +77,40 @@ def test_a_run_killed_again_and_again_ends_as_an_undisturbed_one(tmp_path, kind,
     assert_same(folder, tmp_path / "calm" / "run")
 
 
+@pytest.mark.parametrize(
+    ("kind", "share", "n_iterations"),
+    [("repaint", 0, 3), ("repaint", 0.5, 3), ("repaint", 1, 3), ("racer", 0.5, 2)],
+)
+def test_a_run_killed_in_any_append_ends_as_an_undisturbed_one(tmp_path, kind, share, n_iterations):
+    (tmp_path / "calm").mkdir()
+    killed_runs.go_on(kind, tmp_path / "calm" / "run", n_iterations)
+    calm = told(tmp_path / "calm" / "run")
+    half_done, number = set(), 1
+    while True:
+        folder = tmp_path / f"wild-{number}" / "run"
+        folder.parent.mkdir()
+        if not killed_runs.killed_in_append(kind, folder, number, share, n_iterations):
+            break
+        half_done |= {
+            path.name
+            for path in folder.rglob("*")
+            if path.suffix in (".csv", ".json", ".jsonl") and path.read_bytes()[-1:] != b"\n"
+        }
+        killed_runs.go_on(kind, folder, n_iterations)
+        assert told(folder) == calm
+        number += 1
+    wanted = {"repaint": set(), "racer": {"TrainingMetrics.json"}}[kind] | {"metrics.csv"}
+    assert half_done == (wanted if share == 0.5 else set())
+    assert number > (3 if kind == "repaint" else 7)
+
+
 @pytest.mark.parametrize("kind", ["repaint", "q-learning"])
 def test_more_iterations_are_those_of_a_longer_run(tmp_path, kind):
     for name, n_iterations in (("long", 5), ("short", 3)):  # with the same teacher beside them
         killed_runs.go_on(kind, tmp_path / name, n_iterations)
     short = read_run(tmp_path / "short")
     plan = plan_of(short.record, short.task, short.folder).for_iterations(5)
-    list(experiment.Experiment(plan, resume=True).run())
+    list(experiment.Experiment.resume(plan).run())
     assert_same(plan.folder, tmp_path / "long")
 
 
@@ -160,7 +187,7 @@ def test_a_checkpoint_of_another_version_is_refused(repaint, home):
     rewritten(home / "run" / "checkpoint.safetensors", version="0.0.7")
     said = repaint("transfer", "--resume", "run")
     assert said.code == CheckpointError.exit_code
-    assert "was written by repaint 0.0.7, this is repaint 0.1.0, which" in said.err
+    assert "was written by repaint 0.0.7, this is repaint 0.2.0, which" in said.err
 
 
 def test_a_checkpoint_of_another_run_is_refused(repaint, home):

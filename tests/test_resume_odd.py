@@ -85,7 +85,7 @@ def test_a_file_system_without_locks_has_none(home, monkeypatch):
 
 
 def test_alarms_are_recorded_up_to_a_number(repaint, home, monkeypatch):
-    monkeypatch.setattr(resume, "MOST_ALARMS", 3)
+    monkeypatch.setattr("repaint_cli.runs.record.MOST_ALARMS", 3)
     add_teacher(home / "home" / "zoo")
     words = ["transfer", "--teacher", "old-hand", "--task", "reacher", "--run", "run", *QUICK]
     said = repaint(*words, "--threshold", 1e9, "--iterations", 10, "--transfer-iterations", 10)

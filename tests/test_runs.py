@@ -133,7 +133,7 @@ def test_a_students_file_names_its_teachers_hash_and_is_a_teacher(repaint, home)
 def test_an_interruption_before_the_first_iteration_is_on_record(home, monkeypatch):
     path = add_teacher(home / "home" / "zoo")
     card = read_task("reacher").with_settings(["transfer.phases=auto", "eval.episodes=2"])
-    run = experiment.Experiment(Plan(card, "repaint", [0], home / "run", (path,)))
+    run = experiment.Experiment.begin(Plan(card, "repaint", [0], home / "run", (path,)))
 
     def interrupt(*args):
         raise KeyboardInterrupt

@@ -11,7 +11,8 @@ from small_runs import QUICK, QUICK_LAP, add_teacher
 
 from repaint_cli.files.atomic import UMASK
 from repaint_cli.paths import PACKAGE
-from repaint_cli.runs import resume
+from repaint_cli.runs.folder import RunFolder
+from repaint_cli.runs.metrics import start_csv
 
 ROOT = PACKAGE.parent
 SILENT = """
@@ -132,15 +133,14 @@ def test_every_dependency_has_a_pin():
     assert {name.lower().replace("_", "-") for name in wanted} <= names
 
 
-def test_folders_for_what_is_unfinished_are_ours_alone(home, monkeypatch):
-    modes, start = [], resume.start_csv
+def test_folders_for_what_is_unfinished_are_ours_alone(home):
+    modes = []
 
-    def started(path):
-        modes.append(path.parent.stat().st_mode & 0o777)
-        start(path)
+    def write(files):
+        modes.append(files.path.stat().st_mode & 0o777)
+        start_csv(files.metrics)
 
-    monkeypatch.setattr(resume, "start_csv", started)
-    resume.claim(home / "run", {})
+    RunFolder(home / "run").claim(write)
     assert modes == [0o700]
     assert (home / "run").stat().st_mode & 0o777 == 0o777 & ~UMASK
     assert not list(home.glob(".*"))

@@ -10,13 +10,10 @@ from rich.console import Console
 from repaint_cli.cli.option_values import method_for
 from repaint_cli.cli.session import find_teachers, new_folder
 from repaint_cli.errors import RepaintError
-from repaint_cli.learn.evaluation import spaces_of
 from repaint_cli.runs.experiment import Experiment
 from repaint_cli.runs.figures import draw_run
-from repaint_cli.runs.measuring import check_episodes
 from repaint_cli.runs.plan import Plan
 from repaint_cli.runs.reader import read_run
-from repaint_cli.runs.teachers import load_staff
 from repaint_cli.tasks.card import TaskCard
 
 
@@ -40,10 +37,7 @@ def train_all(
     for name in methods:
         files = find_teachers(teachers, method_for("ppo", name))
         plans.append(Plan(card, name, seeds, root / name, files))
-        target = plans[-1].target  # better now than after the first method's hours
-        target.check_rollout()
-        check_episodes(target)
-        load_staff(files, None, target, spaces_of(card), 1)
+        plans[-1].check()  # better now than after the first method's hours
     screen = Console(stderr=True, soft_wrap=True, highlight=False)
     for done, folder in enumerate(_trained(plans, jobs), 1):
         screen.print(f"{done} of {len(plans)}: wrote [bold]{folder}/[/bold]")
@@ -76,7 +70,7 @@ def _train(plan: Plan, threads: int | None) -> tuple[Path, RepaintError | None]:
     if threads:
         os.environ["OMP_NUM_THREADS"] = str(threads)  # which EnvPool asks for
     try:
-        experiment = Experiment(plan)
+        experiment = Experiment.begin(plan)
         for _ in experiment.run():
             pass
         experiment.policies()

@@ -19,8 +19,8 @@ from repaint_cli.policies.networks import ActorCritic
 from repaint_cli.provenance import stamp
 from repaint_cli.runs.checkpoint import NETWORKS, load_networks
 from repaint_cli.runs.figures import draw_trajectories
-from repaint_cli.runs.reader import Run, newest_run, read_run
-from repaint_cli.runs.resume import CHECKPOINT
+from repaint_cli.runs.folder import RunFolder
+from repaint_cli.runs.reader import FinishedRun, newest_run, read_run
 from repaint_cli.tasks import trust
 from repaint_cli.tasks.card import TaskCard
 from repaint_cli.tasks.card_files import read_task
@@ -51,7 +51,7 @@ def subject(what: str | None, task: str | None, root: Path) -> Subject:
     """
     card = read_task(task) if task else None
     folder = newest_run(root) if what is None else Path(what)
-    is_run = (folder / "run.json").is_file()
+    is_run = RunFolder(folder).is_run()
     if what is None or is_run or (folder.is_dir() and what not in store.teachers()):
         run = read_run(folder)
         network = policies(run)
@@ -62,7 +62,7 @@ def subject(what: str | None, task: str | None, root: Path) -> Subject:
             )
         name = f"{run.task.name} · {run.label} · iteration {run.returns.shape[1]}"
         following = f"repaint compare {shlex.quote(str(folder.parent))}/*"
-        return Subject(name, network, run.record["seeds"], card or run.task, folder, following)
+        return Subject(name, network, run.seeds, card or run.task, folder, following)
     path = store.find(str(what))
     network, teacher = store.load_teacher(path)
     if card:
@@ -81,7 +81,7 @@ def subject(what: str | None, task: str | None, root: Path) -> Subject:
     return Subject(name, network, [teacher.seed], target, folder, following)
 
 
-def policies(run: Run) -> ActorCritic:
+def policies(run: FinishedRun) -> ActorCritic:
     """Return a run's last policies.
 
     Raises:
@@ -89,8 +89,8 @@ def policies(run: Run) -> ActorCritic:
         CheckpointError: its checkpoint is damaged.
     """
     trust.check(run.task, run.folder)
-    path, like = run.folder / CHECKPOINT, (spaces_of(run.task), run.task.net)
-    seeds = len(run.record["seeds"])
+    path, like = run.files.checkpoint, (spaces_of(run.task), run.task.net)
+    seeds = len(run.seeds)
     weights.check_networks(path, *like, seeds, str(path), NETWORKS)
     network = ActorCritic(*like, seeds)
     load_networks(path, network)

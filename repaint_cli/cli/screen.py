@@ -10,9 +10,9 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.text import Text
 
 from repaint_cli.cli.console import literal
-from repaint_cli.runs.alarms import Alarm
 from repaint_cli.runs.experiment import Experiment
 from repaint_cli.runs.metrics import Report
+from repaint_cli.runs.record import Alarm
 
 out = Console(soft_wrap=True, highlight=False, emoji=False)
 

@@ -13,12 +13,10 @@ from repaint_cli.errors import NotFound, StoreError, Terminated, UsageError
 from repaint_cli.files.atomic import check_writable
 from repaint_cli.paths import user_zoo
 from repaint_cli.provenance import stamp
-from repaint_cli.runs import evaluations
-from repaint_cli.runs.experiment import BEST, Experiment
+from repaint_cli.runs.experiment import Experiment
 from repaint_cli.runs.figures import draw_run
 from repaint_cli.runs.plan import Plan, plan_of
 from repaint_cli.runs.reader import read_run
-from repaint_cli.runs.resume import CHECKPOINT
 from repaint_cli.runs.tensorboard import Events, require_tensorboard
 from repaint_cli.tasks.methods import METHODS
 from repaint_cli.zoo import store
@@ -147,7 +145,7 @@ def carry_out(plan: Plan, tensorboard: bool, *, resume: bool = False) -> None:
     """
     if tensorboard:
         require_tensorboard()
-    experiment = Experiment(plan, resume=resume)
+    experiment = Experiment.resume(plan) if resume else Experiment.begin(plan)
     for notice in experiment.notices:
         out.print(f"[yellow]warning:[/yellow] {literal(notice)}")
     interruption = _train(experiment, tensorboard)
@@ -156,7 +154,7 @@ def carry_out(plan: Plan, tensorboard: bool, *, resume: bool = False) -> None:
     except (KeyboardInterrupt, Terminated, StoreError):
         out.print(f"not all is drawn and kept; next: [bold]{literal(resuming(plan))}[/bold]")
         raise
-    written += [plan.folder / "tensorboard"] if tensorboard else []
+    written += [plan.files.tensorboard] if tensorboard else []
     say_written(written, following)
     if interruption:
         raise interruption
@@ -164,9 +162,8 @@ def carry_out(plan: Plan, tensorboard: bool, *, resume: bool = False) -> None:
 
 def _finish(experiment: Experiment, early: bool) -> tuple[list[Path], str]:
     """Write teachers and draw; return all that is in the folder, and the next command to type."""
-    plan = experiment.plan
-    written = [plan.folder / name for name in ("run.json", "metrics.csv", CHECKPOINT)]
-    written += [plan.folder / f"{BEST}.safetensors", *experiment.policies()]
+    plan, files = experiment.plan, experiment.plan.files
+    written = [files.record, files.metrics, files.checkpoint, files.best, *experiment.policies()]
     following = f"repaint eval {shlex.quote(str(plan.folder))} --render-offscreen"
     if plan.teacher_name and not early:  # before anything that might fail
         written.append(experiment.best_teacher(plan.teacher_name, user_zoo(), plan.replace))
@@ -174,7 +171,7 @@ def _finish(experiment: Experiment, early: bool) -> tuple[list[Path], str]:
             following = f"repaint eval {plan.teacher_name} --render-offscreen"
     written += draw_run(read_run(plan.folder))
     if plan.task.env.has_paths:
-        written.append(plan.folder / evaluations.FOLDER)
+        written.append(files.evaluations)
     if logs := plan.task.env.logs:
         written += logs.folders(plan.folder, plan.seeds)
     return written, resuming(plan) if early else following
@@ -183,7 +180,7 @@ def _finish(experiment: Experiment, early: bool) -> tuple[list[Path], str]:
 def _train(experiment: Experiment, tensorboard: bool) -> KeyboardInterrupt | None:
     """Train under a screen; return what ended it early, if that left something to draw."""
     plan = experiment.plan
-    events = Events(plan.folder / "tensorboard", plan.seeds) if tensorboard else nullcontext()
+    events = Events(plan.files.tensorboard, plan.seeds) if tensorboard else nullcontext()
     try:
         with Screen(experiment) as screen, events as watcher:
             for report in experiment.run():

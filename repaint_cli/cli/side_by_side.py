@@ -14,15 +14,16 @@ from repaint_cli.learn.evaluation import evaluate
 from repaint_cli.learn.seeding import Purpose
 from repaint_cli.runs import comparison
 from repaint_cli.runs.comparison import reference_of
-from repaint_cli.runs.comparison_report import title_of, write_dossier
+from repaint_cli.runs.comparison_report import title_of, write_report
 from repaint_cli.runs.figures import draw_curves, draw_trajectories
-from repaint_cli.runs.reader import Run, read_run
+from repaint_cli.runs.folder import RunFolder
+from repaint_cli.runs.reader import FinishedRun, read_run
 
 EPISODES = 20
 """Episodes that the paper draws of each policy."""
 
 
-def read_runs(folders: Sequence[Path]) -> dict[str, Run]:
+def read_runs(folders: Sequence[Path]) -> dict[str, FinishedRun]:
     """Read runs of one task by labels that tell them apart.
 
     Other folders, and runs without a finished iteration, are passed over.
@@ -45,9 +46,9 @@ def read_runs(folders: Sequence[Path]) -> dict[str, Run]:
     return {run.label if labels.count(run.label) == 1 else str(run.folder): run for run in read}
 
 
-def _finished(folders: Sequence[Path]) -> list[Run]:
+def _finished(folders: Sequence[Path]) -> list[FinishedRun]:
     """Read those folders that are runs with a finished iteration."""
-    read = [read_run(f) for f in folders if (f / "run.json").is_file() or not f.is_dir()]
+    read = [read_run(f) for f in folders if RunFolder(f).is_run() or not f.is_dir()]
     return [run for run in read if run.returns.size]
 
 
@@ -68,13 +69,13 @@ def compare(
     runs = read_runs(folders)
     found = comparison.compare(runs, reference_of(runs, reference), target)
     if as_json:
-        rows = [comparison.record(standing) for standing in found.standings]
+        rows = [comparison.as_row(standing) for standing in found.standings]
         told = {"task": found.task, "target": found.target, "reference": found.reference}
         print(json.dumps(told | {"iterations": found.iterations, "runs": rows}, indent=2))
     else:
         print_comparison(found)
     if report:
-        written = write_dossier(runs, found, report)
+        written = write_report(runs, found, report)
     else:
         written = [picture or Path("compare.png")]
         draw_curves(runs, written[0], title_of(found), found.target)
@@ -112,7 +113,7 @@ def play(folders: Sequence[Path], picture: Path, as_json: bool) -> None:
         raise CardError(f"expected a task with paths to draw, found '{runs[0].task.name}'")
     panels, told = [], []
     for run in runs:
-        seeds = run.record["seeds"]
+        seeds = run.seeds
         played = evaluate(policies(run), run.task, seeds, EPISODES, purpose=Purpose.SCORE)
         panels.append((f"{run.task.name}: {run.label}", played))
         told.append({"run": str(run.folder), "task": run.task.name, "label": run.label})

@@ -1,4 +1,4 @@
-"""Files written whole or not at all."""
+"""Files written whole or not at all, and files that grow at their end."""
 
 import hashlib
 import json
@@ -97,6 +97,40 @@ def write_text(path: Path, text: str) -> None:
     """
     with atomic_write(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
+
+
+def write_from(path: Path, start: int, text: str) -> None:
+    """Put a text in place of all that a file holds from byte `start` on, and see it on the disk.
+
+    It takes as long for a long file as for a short one. Whoever is killed meanwhile leaves a part
+    of the text, after which something of what was there before may stand.
+
+    Raises:
+        StoreError: the file is absent or cannot be written, or the disk is full.
+    """
+    data = memoryview(text.encode())
+    with write_errors(path), path.open("rb+", buffering=0) as file:
+        file.seek(start)
+        rest = data
+        while rest:
+            rest = rest[os.write(file.fileno(), rest) :]
+        os.ftruncate(file.fileno(), start + len(data))
+        _sync_data(file.fileno())
+
+
+def append_text(path: Path, text: str) -> None:
+    """Add a text to the end of a file, as `write_from` does."""
+    with write_errors(path):
+        size = path.stat().st_size
+    write_from(path, size, text)
+
+
+def _sync_data(handle: int) -> None:
+    """Let a file's contents and length outlive a power failure."""
+    if hasattr(os, "fdatasync"):  # not on macOS
+        os.fdatasync(handle)
+    else:
+        os.fsync(handle)
 
 
 def as_json(record: Mapping[str, Any]) -> str:

@@ -148,12 +148,16 @@ def _check_values(data: Any) -> None:
         layer = [part for v in inner for part in ((*v, *v.values()) if isinstance(v, dict) else v)]
 
 
-def read_rows(path: Path, columns: Iterable[str]) -> Iterator[dict[str, str]]:
+def read_rows(
+    path: Path, columns: Iterable[str], *, appended: bool = False
+) -> Iterator[dict[str, str]]:
     """Yield a table's rows by column: CSV without quotes, a row a line, read one by one.
 
     Args:
         path: of the file.
         columns: that the table must have, beside any others.
+        appended: whether rows are appended one by one, so that a last line without its end is one
+            that is only half there yet, and no row.
 
     Raises:
         DamagedFile: the file cannot be read, is too large, lacks a column, or has a row with
@@ -167,7 +171,7 @@ def read_rows(path: Path, columns: Iterable[str]) -> Iterator[dict[str, str]]:
             if absent:
                 raise ValueError(f"expected one column '{absent[0]}', found {len(names)} others")
             for number in range(MAX_CELLS // len(names)):
-                cells = _cells(file)
+                cells = _cells(file, whole=appended)
                 if not cells:
                     return
                 if len(cells) != len(names):
@@ -180,8 +184,8 @@ def read_rows(path: Path, columns: Iterable[str]) -> Iterator[dict[str, str]]:
         raise DamagedFile(f"cannot read {path!s:.500}: {error}") from error
 
 
-def _cells(file: TextIO) -> list[str]:
-    """Return a line's cells; none at the end.
+def _cells(file: TextIO, *, whole: bool = False) -> list[str]:
+    """Return a line's cells; none at the end, which may be a line that is not `whole`.
 
     Raises:
         ValueError: the line is too long.
@@ -189,4 +193,6 @@ def _cells(file: TextIO) -> list[str]:
     line = file.readline(MAX_LINE)
     if len(line) == MAX_LINE:
         raise ValueError(f"expected lines of less than {MAX_LINE:,} characters, found a longer")
-    return line.rstrip("\n").split(",") if line else []
+    if not line or (whole and not line.endswith("\n")):
+        return []
+    return line.rstrip("\n").split(",")

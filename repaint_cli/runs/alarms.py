@@ -1,15 +1,16 @@
 """Negative transfer, noticed while it happens: what looks wrong in an iteration, and why."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
 from math import exp
 from pathlib import Path
 
 import numpy as np
 
 from repaint_cli.errors import RepaintError
+from repaint_cli.runs.folder import runs_in
 from repaint_cli.runs.metrics import Report
-from repaint_cli.runs.reader import Run, read_run
+from repaint_cli.runs.reader import FinishedRun, read_run
+from repaint_cli.runs.record import Alarm
 from repaint_cli.tasks.card import TaskCard
 
 RARE = -4.0
@@ -22,23 +23,10 @@ IN_A_ROW = 3
 """Iterations under the reference before there is an alarm."""
 
 
-@dataclass(frozen=True)
-class Alarm:
-    """Something that looks like negative transfer, or like none."""
-
-    iteration: int
-    kind: str
-    text: str
-
-    def record(self) -> dict[str, object]:
-        """Return it as JSON."""
-        return asdict(self)
-
-
 def alarms_of(
     report: Report, before: Sequence[np.ndarray], reference: np.ndarray | None, rule: str = "zeta"
 ) -> list[Alarm]:
-    """Return what an iteration gives reason to say.
+    """Return what looks wrong in an iteration.
 
     Args:
         report: the iteration.
@@ -46,18 +34,18 @@ def alarms_of(
         reference: evaluated mean returns (S, K) of a run from scratch on the same task, or None.
         rule: of selection; for `auto` it is no alarm to keep nothing.
     """
-    found = [] if len(before) else [*_of_the_scale(report)]
+    k = report.stats.iteration
+    problems = [] if len(before) else [*_check_scale(report)]
     if "kept_reward" in report.stats.numbers:
-        found += [*_of_the_kept(report, rule), *_of_the_teachers(report)]
-        found += _of_the_outcome(report, before[-1:])
+        problems += [*_check_kept(report, rule), *_check_teachers(report)]
+        problems += _check_outcome(report, before[-1:])
     if reference is not None:
         returns = [*before[1 - IN_A_ROW :], report.evaluation.returns]
-        found += _of_the_reference(returns, report.stats.iteration, reference)
-    k = report.stats.iteration
-    return [Alarm(k, kind, f"iteration {k}: {text}") for kind, text in found]
+        problems += _check_against(reference, returns, k)
+    return [Alarm(iteration=k, kind=kind, text=f"iteration {k}: {t}") for kind, t in problems]
 
 
-def _of_the_scale(report: Report) -> Iterator[tuple[str, str]]:
+def _check_scale(report: Report) -> Iterator[tuple[str, str]]:
     """Ask, once, whether rewards are of a size that a critic can learn."""
     error = _mean(report, "value_loss")
     if error > LARGE:
@@ -68,7 +56,7 @@ def _of_the_scale(report: Report) -> Iterator[tuple[str, str]]:
         )
 
 
-def _of_the_kept(report: Report, rule: str) -> Iterator[tuple[str, str]]:
+def _check_kept(report: Report, rule: str) -> Iterator[tuple[str, str]]:
     numbers = report.stats.numbers
     kept, own = numbers["kept_reward"], numbers["student_reward"]
     worse = kept < own  # not where nothing was kept: kept is nan
@@ -85,10 +73,10 @@ def _of_the_kept(report: Report, rule: str) -> Iterator[tuple[str, str]]:
         )
 
 
-def _of_the_teachers(report: Report) -> Iterator[tuple[str, str]]:
+def _check_teachers(report: Report) -> Iterator[tuple[str, str]]:
     """Ask how likely the student finds what the teachers did, and what they earned."""
     log_ratio = _mean(report, "log_ratio")
-    theirs, own = _mean(report, "teacher_return"), _mean(report, "student_return")
+    taught, own = _mean(report, "teacher_return"), _mean(report, "student_return")
     if log_ratio < RARE:
         yield (
             "rare-actions",
@@ -96,15 +84,15 @@ def _of_the_teachers(report: Report) -> Iterator[tuple[str, str]]:
             f"teacher did (mean log ρ {log_ratio:.1f}), where the loss has next to no slope; raise "
             "transfer.teacher_min_std or transfer.teacher_temperature",
         )
-    if theirs < own:
+    if taught < own:
         yield (
             "teacher-behind",
-            f"the teacher's episodes return {theirs:.4g} here, the student's own {own:.4g}: it has "
+            f"the teacher's episodes return {taught:.4g} here, the student's own {own:.4g}: it has "
             "little left to give; end sooner with --transfer-iterations?",
         )
 
 
-def _of_the_outcome(report: Report, before: Sequence[np.ndarray]) -> Iterator[tuple[str, str]]:
+def _check_outcome(report: Report, before: Sequence[np.ndarray]) -> Iterator[tuple[str, str]]:
     """Ask whether the critic's expectation of the kept samples came true."""
     promised = _mean(report, "kept_advantage")
     if not before or not promised > 0:
@@ -119,13 +107,13 @@ def _of_the_outcome(report: Report, before: Sequence[np.ndarray]) -> Iterator[tu
         )
 
 
-def _of_the_reference(
-    returns: Sequence[np.ndarray], k: int, reference: np.ndarray
+def _check_against(
+    reference: np.ndarray, returns: Sequence[np.ndarray], k: int
 ) -> Iterator[tuple[str, str]]:
     """Ask whether the last iterations, up to k, were under those of a run from scratch."""
     if len(returns) < IN_A_ROW or k > reference.shape[1]:
         return
-    own = np.stack([played.mean(1) for played in returns], 1)
+    own = np.stack([episodes.mean(1) for episodes in returns], 1)
     scratch = reference[:, k - IN_A_ROW : k]
     error = np.sqrt(_squared_error(own) + _squared_error(scratch))
     if (own.mean(0) < scratch.mean(0) - error).all():
@@ -160,16 +148,16 @@ def reference_beside(folder: Path, task: TaskCard, algorithm: str) -> np.ndarray
     Its environment, reward, rollouts, evaluation and algorithm are the same; damaged runs are
     passed over.
     """
-    found = list[tuple[float, Run]]()
-    for path in folder.resolve().parent.glob("*/run.json"):
+    references = list[tuple[float, FinishedRun]]()
+    for files in runs_in(folder.resolve().parent):
         try:
-            run = read_run(path.parent)
+            run = read_run(files.path)
         except RepaintError:
             continue
-        same = run.record.get("algorithm") == algorithm and _basis(run.task) == _basis(task)
+        same = run.record.algorithm == algorithm and _basis(run.task) == _basis(task)
         if run.method == "scratch" and same and run.returns.size:
-            found.append((path.stat().st_mtime, run))
-    return max(found, key=lambda pair: pair[0])[1].returns if found else None
+            references.append((files.record.stat().st_mtime, run))
+    return max(references, key=lambda pair: pair[0])[1].returns if references else None
 
 
 def _basis(task: TaskCard) -> tuple[object, ...]:

@@ -1,4 +1,4 @@
-"""All that a run is after an iteration, in one file: what `--resume` goes on from."""
+"""All that a learner is after an iteration, in one file: what `--resume` goes on from."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -51,15 +51,15 @@ def load_learner(path: Path, learner: Learner) -> dict[str, Any]:
         CheckpointError: the file is damaged, or of another version, network or seeds.
     """
     tensors, notes = load(path)
-    theirs = notes.get("version", "before 0.1.0")
-    if theirs != __version__:
+    writer = notes.get("version", "before 0.1.0")
+    if writer != __version__:
         raise CheckpointError(
-            f"{path} was written by repaint {theirs!s:.20}, this is repaint {__version__}, which "
+            f"{path} was written by repaint {writer!s:.20}, this is repaint {__version__}, which "
             "would not go on as that one; resume it with the version that wrote it"
         )
     if notes.get("seeds") != learner.seeds:
-        found = str(notes.get("seeds"))
-        raise CheckpointError(f"{path} holds seeds {found:.100}, wanted {learner.seeds}")
+        seeds = str(notes.get("seeds"))
+        raise CheckpointError(f"{path} holds seeds {seeds:.100}, wanted {learner.seeds}")
     try:
         _put(path, tensors, notes, learner)
     except (KeyError, TypeError, ValueError, OverflowError) as error:

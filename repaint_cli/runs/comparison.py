@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from repaint_cli.errors import NotFound
-from repaint_cli.runs.reader import Run
+from repaint_cli.runs.reader import FinishedRun
 from repaint_cli.statistics import (
     area_under_curve,
     differ_by_chance,
@@ -75,11 +75,11 @@ class Comparison:
         return f"{self.target:.4g}{of}"
 
 
-def reference_of(runs: Mapping[str, Run], wanted: str) -> str | None:
+def reference_of(runs: Mapping[str, FinishedRun], wanted: str) -> str | None:
     """Return the label of the reference: a label, a run's folder, or the first run of a method.
 
     Raises:
-        NotFound: none is called so; the default "scratch" may be absent.
+        NotFound: no run has such a name; the default "scratch" may be absent.
     """
     if wanted in runs:
         return wanted
@@ -90,7 +90,9 @@ def reference_of(runs: Mapping[str, Run], wanted: str) -> str | None:
     return named
 
 
-def compare(runs: Mapping[str, Run], reference: str | None, target: float | None) -> Comparison:
+def compare(
+    runs: Mapping[str, FinishedRun], reference: str | None, target: float | None
+) -> Comparison:
     """Return how runs of one task stand.
 
     Args:
@@ -108,7 +110,7 @@ def compare(runs: Mapping[str, Run], reference: str | None, target: float | None
 
 
 def _standing(
-    label: str, run: Run, basis: Run | None, target: float | None, common: int
+    label: str, run: FinishedRun, basis: FinishedRun | None, target: float | None, common: int
 ) -> Standing:
     returns, goal = run.returns, np.nan if target is None else target
     areas = area_under_curve(returns[:, :common])
@@ -118,8 +120,8 @@ def _standing(
     seconds = _at(run, "seconds", reached)
     if basis is not None and basis is not run:
         reduced = reduction_ci(returns, basis.returns, goal)
-        theirs = _at(basis, "seconds", iteration_of_mean(basis.returns, goal))
-        seconds_reduced = 1 - seconds / theirs
+        needed = _at(basis, "seconds", iteration_of_mean(basis.returns, goal))
+        seconds_reduced = 1 - seconds / needed
         chance = differ_by_chance(areas, area_under_curve(basis.returns[:, :common]))
     return Standing(
         label=label, method=run.method, seeds=len(returns), iterations=returns.shape[1],
@@ -131,7 +133,7 @@ def _standing(
     )  # fmt: skip
 
 
-def _at(run: Run, name: str, k: float) -> float:
+def _at(run: FinishedRun, name: str, k: float) -> float:
     """Return a column's mean over seeds at iteration k, nan if k is."""
     return float("nan") if np.isnan(k) else float(run.rows[name][:, int(k) - 1].mean())
 
@@ -144,7 +146,7 @@ COLUMNS = (
 """Of comparison.csv."""
 
 
-def record(standing: Standing) -> dict[str, object]:
+def as_row(standing: Standing) -> dict[str, object]:
     """Return a run's numbers by the names in `COLUMNS`; None where there is none."""
     values: Sequence[object] = (
         standing.label, standing.method, standing.seeds, standing.iterations, standing.reached,

@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from repaint_cli.files.atomic import write_text
-from repaint_cli.runs.comparison import COLUMNS, Comparison, record
+from repaint_cli.runs.comparison import COLUMNS, Comparison, as_row
 from repaint_cli.runs.figures import draw_curves
-from repaint_cli.runs.reader import Run
+from repaint_cli.runs.reader import FinishedRun
 from repaint_cli.statistics import bootstrap_mean
 
 HEADS = (
@@ -42,7 +42,9 @@ Files: `comparison.csv` has these numbers and more, `curves.csv` every point of 
 """
 
 
-def write_dossier(runs: Mapping[str, Run], found: Comparison, folder: Path) -> list[Path]:
+def write_report(
+    runs: Mapping[str, FinishedRun], comparison: Comparison, folder: Path
+) -> list[Path]:
     """Write the folder; return its files.
 
     Raises:
@@ -50,26 +52,26 @@ def write_dossier(runs: Mapping[str, Run], found: Comparison, folder: Path) -> l
     """
     pictures = [folder / "curves.png", folder / "curves.svg"]
     for picture in pictures:
-        draw_curves(dict(runs), picture, title_of(found), found.target)
-    tables = {"comparison.csv": _comparison(found), "curves.csv": _curves(runs)}
+        draw_curves(dict(runs), picture, title_of(comparison), comparison.target)
+    tables = {"comparison.csv": _comparison(comparison), "curves.csv": _curves(runs)}
     for name, text in tables.items():
         write_text(folder / name, text)
-    write_text(folder / "README.md", _page(runs, found))
+    write_text(folder / "README.md", _page(runs, comparison))
     return [*pictures, *(folder / name for name in tables), folder / "README.md"]
 
 
-def title_of(found: Comparison) -> str:
+def title_of(comparison: Comparison) -> str:
     """Return what stands over the figure: the runs if they are few, else how many there are."""
-    labels = [standing.label for standing in found.standings]
-    return f"{found.task}: {', '.join(labels) if len(labels) < 3 else f'{len(labels)} runs'}"
+    labels = [standing.label for standing in comparison.standings]
+    return f"{comparison.task}: {', '.join(labels) if len(labels) < 3 else f'{len(labels)} runs'}"
 
 
-def _comparison(found: Comparison) -> str:
-    rows = [record(standing) for standing in found.standings]
+def _comparison(comparison: Comparison) -> str:
+    rows = [as_row(standing) for standing in comparison.standings]
     return _csv(COLUMNS, ([_cell(row[name]) for name in COLUMNS] for row in rows))
 
 
-def _curves(runs: Mapping[str, Run]) -> str:
+def _curves(runs: Mapping[str, FinishedRun]) -> str:
     lines = []
     for label, run in runs.items():
         low, high = bootstrap_mean(run.returns)
@@ -97,14 +99,14 @@ def _cell(value: object) -> object:
     return f"{value:.6g}" if isinstance(value, float | np.floating) else value
 
 
-def _page(runs: Mapping[str, Run], found: Comparison) -> str:
-    rows = [_row(record(standing)) for standing in found.standings]
+def _page(runs: Mapping[str, FinishedRun], comparison: Comparison) -> str:
+    rows = [_row(as_row(standing)) for standing in comparison.standings]
     return PAGE.format(
-        task=found.task,
+        task=comparison.task,
         labels=", ".join(runs),
         version=version("repaint-rl"),
-        target=found.goal,
-        iterations=found.iterations,
+        target=comparison.goal,
+        iterations=comparison.iterations,
         table="\n".join([_line(HEADS), "|" + "---|" * len(HEADS), *rows]),
         runs="\n".join(f"- {label}: `{run.folder}`" for label, run in runs.items()),
     )

@@ -2,97 +2,114 @@
 
 from collections.abc import Iterator
 from contextlib import suppress
-from datetime import UTC, datetime
+from dataclasses import dataclass, field
 from pathlib import Path
 from time import perf_counter
-from typing import Any
 
+import numpy as np
 import torch
 
 from repaint_cli.envs.logs import EpisodeLog
-from repaint_cli.errors import CheckpointError, RepaintError, StoreError, locate_divergence
-from repaint_cli.files.atomic import as_json, write_text
-from repaint_cli.files.lock import folder_lock
+from repaint_cli.errors import RepaintError, StoreError, locate_divergence
 from repaint_cli.learn import ppo, q_learning
-from repaint_cli.learn.evaluation import evaluate, spaces_of
+from repaint_cli.learn.evaluation import evaluate
 from repaint_cli.learn.learner import Learner
 from repaint_cli.policies.networks import ActorCritic
-from repaint_cli.provenance import Origin, versions
+from repaint_cli.provenance import versions
 from repaint_cli.runs import evaluations
-from repaint_cli.runs.alarms import Alarm, alarms_of, reference_beside
-from repaint_cli.runs.measuring import check_episodes, inform, measure
-from repaint_cli.runs.metrics import Report, append_csv
+from repaint_cli.runs.alarms import alarms_of, reference_beside
+from repaint_cli.runs.folder import RunFolder
+from repaint_cli.runs.measuring import inform, measure
+from repaint_cli.runs.metrics import Report, append_csv, start_csv
 from repaint_cli.runs.plan import Plan
-from repaint_cli.runs.reader import read_run
-from repaint_cli.runs.resume import CHECKPOINT, Past, claim, find_past, save_checkpoint, settle
-from repaint_cli.runs.teachers import load_staff, warm_start
+from repaint_cli.runs.policies import is_of_iteration, write_policy
+from repaint_cli.runs.record import Alarm, RunRecord, alarms_until
+from repaint_cli.runs.resume import RunState, restore, save_checkpoint, settle
+from repaint_cli.runs.teachers import LoadedTeachers, warm_start
 from repaint_cli.tasks import trust
 from repaint_cli.tasks.methods import METHODS
 from repaint_cli.zoo import store
 from repaint_cli.zoo.scoring import score
-from repaint_cli.zoo.teacher_card import TeacherCard, read_card
 
-BEST = "best"
-"""Name of the best evaluated policy of a run so far, a teacher in the run's folder."""
-
-ALGORITHMS = {"ppo": ppo.train, "q-learning": q_learning.train}
+TRAINERS = {"ppo": ppo.train, "q-learning": q_learning.train}
 """The loops that learn; that of PPO knows the other policy gradients, too."""
 
 
+@dataclass
 class Experiment:
-    """A run while it runs; `run` yields a report after every iteration."""
+    """A run while it runs; `begin` or `resume` make it, `run` yields a report per iteration."""
 
-    def __init__(self, plan: Plan, *, resume: bool = False) -> None:
-        """Try the task, make the student, load the teachers, and only then claim the folder.
+    plan: Plan
+    """What to do."""
+    teachers: LoadedTeachers
+    """Whom to learn from."""
+    learner: Learner
+    """The students, as far as they are."""
+    record: RunRecord
+    """What run.json says, or will say."""
+    reference: np.ndarray | None
+    """Evaluated mean returns (S, K) of a run from scratch beside this one."""
+    state: RunState = field(default_factory=RunState)
+    """What else changes from iteration to iteration."""
+    notices: list[str] = field(default_factory=list)
+    """What whoever resumed should know."""
+    newest_alarms: list[Alarm] = field(default_factory=list)
+    """What looked wrong in the last iteration."""
+    _logs: list[EpisodeLog] = field(default_factory=list)
 
-        Args:
-            plan: what to do.
-            resume: whether the folder holds the beginning of this very run, to go on from.
+    @classmethod
+    def begin(cls, plan: Plan) -> "Experiment":
+        """Check the plan, make the student, load the teachers, and only then claim the folder.
 
         Raises:
             CardError: the task cannot be rolled out as its card says.
             TeacherMismatch: a teacher does not fit the task.
-            CheckpointError: a teacher's file or the run's own is damaged, or of another run.
+            CheckpointError: a teacher's file is damaged.
             StoreError: the folder exists or cannot be made.
         """
-        self.plan, task, method = plan, plan.target, METHODS[plan.method]
-        if resume:
-            trust.check(task, plan.folder)
-        spaces = spaces_of(task)
-        task.check_rollout()
-        check_episodes(task)
-        if plan.algorithm == "q-learning":
-            q_learning.check(task, spaces)
-        student = ActorCritic(spaces, task.net, len(plan.seeds))
-        self.learner = Learner.fresh(student, plan.seeds, task.ppo.learning_rate)
-        paths = plan.teachers if method.needs_teacher else ()
-        beside = int(plan.algorithm == "q-learning")
-        self.staff = load_staff(paths, plan.acting, task, spaces, len(plan.seeds), beside)
-        if method.warm_start:
-            warm_start(student, self.staff, task)
-        beside_it = reference_beside(plan.folder, task, plan.algorithm)
-        self.reference = beside_it if self.staff.teachers else None
-        self.past = Past()
-        self.notices: list[str] = []
-        """What whoever resumed should know."""
-        self._logs: list[EpisodeLog] = []
-        self.newest_alarms: list[Alarm] = []
-        """What looked wrong in the last iteration."""
-        self._origin = Origin.now()
-        if resume:
-            self._origin = Origin.of(read_run(plan.folder).record)
-            torch.set_num_threads(self._origin.threads)  # sums in another order are other sums
-            self.past = find_past(plan, self.staff, self.learner)
-            changed = self._origin.go_on(self.learner.iteration)
-            self.notices = [*self.past.notices, *changed]
-        else:
-            claim(plan.folder, self._record_of("running"))
-            trust.remember(task)
+        experiment = cls._prepared(plan)
+        plan.files.claim(experiment._write_first)
+        trust.remember(plan.target)
+        return experiment
 
-    @property
-    def alarms(self) -> list[Alarm]:
-        """What looked wrong, iteration by iteration."""
-        return self.past.alarms
+    @classmethod
+    def resume(cls, plan: Plan) -> "Experiment":
+        """Check the plan, and go back to the last finished iteration in its folder.
+
+        Nothing is written before `run`.
+
+        Raises:
+            CardError: the task cannot be rolled out as its card says, or its code is not trusted.
+            TeacherMismatch: a teacher does not fit the task.
+            CheckpointError: a teacher's file or the run's own is damaged, or of another run.
+        """
+        trust.check(plan.target, plan.folder)
+        experiment, began = cls._prepared(plan), RunRecord.read(plan.files)
+        began.check_resumable(plan.files)
+        experiment.state = restore(plan, experiment.teachers, experiment.learner)
+        record, k = experiment.record, experiment.learner.iteration
+        record.versions, record.threads = began.versions, began.threads
+        record.resumed, record.iterations = began.resumed, k
+        record.alarms = alarms_until(k, plan.files, began)
+        experiment.notices = [*experiment.state.notices, *record.go_on_with(versions())]
+        return experiment
+
+    @classmethod
+    def _prepared(cls, plan: Plan) -> "Experiment":
+        """Make everything that is in memory alone."""
+        spaces, teachers = plan.check()
+        student = ActorCritic(spaces, plan.target.net, len(plan.seeds))
+        learner = Learner.fresh(student, plan.seeds, plan.target.ppo.learning_rate)
+        if METHODS[plan.method].warm_start:
+            warm_start(student, teachers, plan.target)
+        reference = None
+        if teachers.teachers:
+            reference = reference_beside(plan.folder, plan.target, plan.algorithm)
+        return cls(plan, teachers, learner, plan.new_record(teachers), reference)
+
+    def _write_first(self, files: RunFolder) -> None:
+        self.record.write(files)
+        start_csv(files.metrics)
 
     def run(self) -> Iterator[Report]:
         """Train, evaluate, record and checkpoint, one iteration at a time.
@@ -102,102 +119,93 @@ class Experiment:
         Raises:
             StoreError: another process is at this run, or the disk is full.
         """
-        with folder_lock(self.plan.folder):
+        with self.plan.files.locked():
+            torch.set_num_threads(self.record.threads)  # sums in another order are other sums
             yield from self._run()
 
     def _run(self) -> Iterator[Report]:
         learner, task = self.learner, self.plan.target
-        started, state = perf_counter() - self.past.seconds, "interrupted"
+        started, outcome = perf_counter() - self.state.seconds, "interrupted"
         if logs := task.env.logs:
             places = logs.folders(self.plan.folder, self.plan.seeds)
             self._logs = [logs.open(path, self.plan.task.logged) for path in places]
         self._settle()
         self._write_record("running")
         try:
-            if task.automatic and self.staff.teachers and not learner.measured:
-                measure(task, learner, self.staff.teachers)
-            for stats in ALGORITHMS[self.plan.algorithm](task, learner, self.staff.teachers):
+            if task.automatic and self.teachers.teachers and not learner.measured:
+                measure(task, learner, self.teachers.teachers)
+            for stats in TRAINERS[self.plan.algorithm](task, learner, self.teachers.teachers):
                 k = stats.iteration
                 with locate_divergence(learner.seeds, f"evaluation after iteration {k}"):
                     episodes = evaluate(learner.student, task, learner.seeds, task.eval.episodes, k)
                 inform(task, learner, stats, episodes)
                 report = Report(stats, episodes, perf_counter() - started)
-                self._record(report)
+                self.save(report)
                 yield report
-            state = "finished"
+            outcome = "finished"
         finally:
-            self.past.seconds = perf_counter() - started
-            if state != "finished":
+            self.state.seconds = perf_counter() - started
+            if outcome != "finished":
                 self._forget_half_done()
-            self._write_record(state)
+            self._write_record(outcome)
 
-    def _record(self, report: Report) -> None:
+    def save(self, report: Report) -> None:
         """Put an iteration on disk; it counts once its checkpoint is there."""
-        folder, past, k = self.plan.folder, self.past, report.stats.iteration
+        files, state, k = self.plan.files, self.state, report.stats.iteration
         for s, log in enumerate(self._logs):
             if report.stats.rollout:
                 log.log_training(k, report.stats.rollout.steps, s)
             log.log_evaluation(k, report.evaluation.steps, s)
-        if self.plan.task.env.has_paths:
-            env = self.plan.task.env
-            evaluations.keep(folder, k, report.evaluation, env.drawn_records)
+        env = self.plan.task.env
+        if env.has_paths:
+            evaluations.write(files.evaluation(k), k, report.evaluation, env.drawn_records)
         rows = [
             row | {"seed": seed} for row, seed in zip(report.rows, self.plan.seeds, strict=True)
         ]
-        append_csv(folder / "metrics.csv", rows)
+        append_csv(files.metrics, rows)
         rule = self.plan.target.select.rule
-        self.newest_alarms = alarms_of(report, past.returns, self.reference, rule)
-        past.see(k, report.evaluation.returns, self.newest_alarms)
-        past.seconds, past.logs = report.seconds, [log.position for log in self._logs]
-        save_checkpoint(self.plan, self.staff, self.learner, past)
+        self.newest_alarms = alarms_of(report, state.returns, self.reference, rule)
+        self.record.add_alarms(self.newest_alarms, files)
+        state.add_evaluation(k, report.evaluation.returns)
+        state.seconds, state.logs = report.seconds, [log.position for log in self._logs]
+        save_checkpoint(self.plan, self.teachers, self.learner, state)
         self._keep_best()
 
     def _keep_best(self) -> None:
         """Write the best evaluated policy if it is the last one, and not there yet."""
-        path, (k, s) = self.plan.folder / f"{BEST}.safetensors", self.past.best
-        if 0 < k == self.learner.iteration and not _is_of(path, k):
-            store.add(self.learner.student, s, self._card(BEST, s), self.plan.folder)
+        path, (k, s) = self.plan.files.best, self.state.best
+        if 0 < k == self.learner.iteration and not is_of_iteration(path, k):
+            write_policy(path, self.plan, self.teachers, self.learner, s)
 
     def _settle(self) -> None:
-        """Make the folder tell of the finished iterations, all of them and no more."""
+        """Leave in the folder the finished iterations, all of them and no more."""
         k = self.learner.iteration
-        settle(self.plan.folder, self.past, k, len(self.plan.seeds))
-        for log, position in zip(self._logs, self.past.logs or [{}] * len(self._logs), strict=True):
+        settle(self.plan, self.state, k)
+        for log, position in zip(
+            self._logs, self.state.logs or [{}] * len(self._logs), strict=True
+        ):
             log.go_back(k, position)
         self._keep_best()
 
     def _forget_half_done(self) -> None:
         """Go back to the last iteration that is on disk as a whole."""
-        if (self.plan.folder / CHECKPOINT).is_file():
-            seconds = self.past.seconds
-            self.past = find_past(self.plan, self.staff, self.learner)
-            self.past.seconds = seconds
-        else:
-            self.learner.iteration = 0  # what it has learned is nowhere
+        seconds = self.state.seconds
+        self.state = restore(self.plan, self.teachers, self.learner)
+        self.state.seconds = seconds
+        done = self.learner.iteration
+        self.record.alarms = [alarm for alarm in self.record.alarms if alarm.iteration <= done]
         with suppress(RepaintError):  # a full disk, say; whoever resumes does it again
             self._settle()
 
-    def _record_of(self, state: str) -> dict[str, Any]:
-        """Return run.json."""
-        return {
-            "schema_version": 3,
-            "state": state,
-            **self.plan.record(),
-            "teachers": self.staff.record,
-            "automatic": self.plan.target.automatic and bool(self.staff.teachers),
-            **self._origin.record(),
-            "iterations": self.learner.iteration,
-            "seconds": round(self.past.seconds, 1),
-            "alarms": [alarm.record() for alarm in self.alarms],
-        }
-
     def _write_record(self, state: str) -> None:
-        write_text(self.plan.folder / "run.json", as_json(self._record_of(state)))
+        self.record.state, self.record.iterations = state, self.learner.iteration
+        self.record.seconds = round(self.state.seconds, 1)
+        self.record.write(self.plan.files)
 
     def policies(self) -> list[Path]:
         """Write each seed's last policy as a teacher file of its own; return where they are."""
         return [
-            store.add(self.learner.student, s, self._card(f"seed-{seed}", s), self.plan.folder)
+            write_policy(self.plan.files.policy(seed), self.plan, self.teachers, self.learner, s)
             for s, seed in enumerate(self.plan.seeds)
         ]
 
@@ -207,36 +215,10 @@ class Experiment:
         Raises:
             StoreError: another has that name by now, or the folder cannot be written.
         """
-        best = self.plan.folder / f"{BEST}.safetensors"
+        best = self.plan.files.best
         network, card = store.load_teacher(best)
         scored = {"name": name, "score": score(network, self.plan.task, card.seed)}
         try:
             return store.add(network, 0, card.model_copy(update=scored), folder, replace=replace)
         except StoreError as error:
             raise StoreError(f"{error}; the policy is kept in {best}") from error
-
-    def _card(self, name: str, s: int) -> TeacherCard:
-        spaces = self.learner.student.spaces
-        return TeacherCard(
-            name=name,
-            task=self.plan.task,
-            obs_shape=spaces.obs_shape,
-            n_actions=spaces.n_actions,
-            discrete=spaces.discrete,
-            n_beams=spaces.n_beams,
-            algorithm=self.plan.algorithm,
-            method=self.plan.method,
-            seed=self.plan.seeds[s],
-            iteration=self.learner.iteration,
-            env_steps=int(self.learner.env_steps[s]),
-            versions=versions(),
-            parents=tuple(str(teacher["sha256"]) for teacher in self.staff.record),
-            created=datetime.now(UTC).isoformat(timespec="seconds"),
-        )
-
-
-def _is_of(path: Path, k: int) -> bool:
-    """Tell whether a policy's file is of iteration k."""
-    with suppress(CheckpointError):
-        return read_card(path).iteration == k
-    return False

@@ -8,47 +8,48 @@ import numpy as np
 from repaint_cli.envs.episodes import Episodes
 from repaint_cli.report.curves import plot_curves
 from repaint_cli.runs import evaluations
-from repaint_cli.runs.reader import Run
+from repaint_cli.runs.reader import FinishedRun
 from repaint_cli.tasks.task import Task
 
 PANELS = 6
 """Checkpoints whose trajectories are drawn."""
 
 
-def draw_run(run: Run) -> list[Path]:
+def draw_run(run: FinishedRun) -> list[Path]:
     """Draw a run's learning curve and, where the task has paths, its first seed's trajectories."""
-    curves = run.folder / "curves.png"
+    curves = run.files.curves
     draw_curves({run.label: run}, curves, title=f"{run.task.name}: {run.label}")
-    title = f"{run.task.name}: {run.label}, seed {run.record['seeds'][0]}"
+    title = f"{run.task.name}: {run.label}, seed {run.seeds[0]}"
     return [curves, *_draw_evaluations(run, title), *_draw_training(run, title)]
 
 
-def _draw_evaluations(run: Run, title: str) -> list[Path]:
+def _draw_evaluations(run: FinishedRun, title: str) -> list[Path]:
     """Draw where some of the evaluations led."""
-    kept = list(evaluations.kept(run.folder))
+    kept = list(run.files.kept_evaluations().items())
     if not kept:
         return []
     chosen = np.unique(np.linspace(0, len(kept) - 1, PANELS).round().astype(int))
-    ks = [kept[i] for i in chosen]
-    panels = [(f"iteration {k}", evaluations.read(run.folder, k)) for k in ks]
-    trajectories = run.folder / "trajectories.png"
+    panels = [(f"iteration {k}", evaluations.read(path)) for k, path in (kept[i] for i in chosen)]
+    trajectories = run.files.trajectories
     return [trajectories] if draw_trajectories(run.task, panels, trajectories, title) else []
 
 
-def _draw_training(run: Run, title: str) -> list[Path]:
+def _draw_training(run: FinishedRun, title: str) -> list[Path]:
     """Draw what the run's logs show of its first seed's training; return the pictures."""
     logs = run.task.env.logs
     if logs is None or run.progress is None:
         return []
-    return logs.draw_training(run.folder, run.record["seeds"], run.progress, title)
+    return logs.draw_training(run.folder, run.seeds, run.progress, title)
 
 
-def draw_curves(runs: dict[str, Run], path: Path, title: str, target: float | None = None) -> None:
+def draw_curves(
+    runs: dict[str, FinishedRun], path: Path, title: str, target: float | None = None
+) -> None:
     """Draw learning curves of runs on one task, by label, and what they were to reach."""
     some = list(runs.values())
     progress = {label: run.progress for label, run in runs.items() if run.progress is not None}
     scratch = [run.returns for run in some if run.method == "scratch"]
-    taught = [run for run in some if run.record["teachers"] and run.method != "warm-start"]
+    taught = [run for run in some if run.record.teachers and run.method != "warm-start"]
     lengths = {run.taught_until for run in taught}
     best = float(np.nanmax(scratch[0].mean(0))) if scratch and len(some) > 1 else None
     mark = None if best is None else (best, "scratch's best")

@@ -11,7 +11,7 @@ import numpy as np
 
 from repaint_cli.envs.episodes import Episodes
 from repaint_cli.errors import CheckpointError
-from repaint_cli.files.atomic import write_errors, write_text
+from repaint_cli.files.atomic import append_text, write_errors, write_text
 from repaint_cli.learn.ppo import IterationStats
 
 COLUMNS = (
@@ -37,16 +37,16 @@ class Report:
     @property
     def rows(self) -> list[dict[str, Any]]:
         """The rows of metrics.csv but for the seed's name, one per seed."""
-        played, numbers = self.evaluation, self.stats.numbers
+        episodes, numbers = self.evaluation, self.stats.numbers
         per_seed = numbers | {
-            "eval_return": played.returns.mean(1),
-            "eval_return_std": played.returns.std(1),
-            "eval_length": played.lengths.mean(1),
+            "eval_return": episodes.returns.mean(1),
+            "eval_return_std": episodes.returns.std(1),
+            "eval_length": episodes.lengths.mean(1),
         }
-        if played.progress is not None:
-            per_seed["eval_progress"] = played.progress.mean(1)
+        if episodes.progress is not None:
+            per_seed["eval_progress"] = episodes.progress.mean(1)
         shared = {"iteration": self.stats.iteration, "phase": self.stats.phase}
-        n_seeds = len(played.returns)
+        n_seeds = len(episodes.returns)
         return [
             shared | {"seconds": self.seconds} | {name: n[s] for name, n in per_seed.items()}
             for s in range(n_seeds)
@@ -63,7 +63,7 @@ def append_csv(path: Path, rows: list[dict[str, Any]]) -> None:
     csv.DictWriter(text, COLUMNS, lineterminator="\n").writerows(
         {name: _cell(value) for name, value in row.items()} for row in rows
     )
-    write_text(path, path.read_text(encoding="utf-8") + text.getvalue())
+    append_text(path, text.getvalue())
 
 
 def start_csv(path: Path) -> None:
@@ -72,22 +72,19 @@ def start_csv(path: Path) -> None:
 
 
 def cut_csv(path: Path, k: int, n_seeds: int) -> None:
-    """Forget what metrics.csv says of iterations after k.
+    """Cut the rows after iteration k off metrics.csv, the last of which may be half written.
 
     Raises:
-        CheckpointError: it does not say all of those before.
-        StoreError: it cannot be changed.
+        CheckpointError: a row up to iteration k is absent, or the file cannot be read.
+        StoreError: the file cannot be changed.
     """
     try:
         lines = path.read_bytes().splitlines(keepends=True)
     except OSError as error:
         raise CheckpointError(f"cannot read {path}: {error.strerror}") from error
     wanted = 1 + k * n_seeds
-    last = (
-        lines[wanted - 1].partition(b",")[0].decode(errors="replace")
-        if len(lines) >= wanted
-        else "nothing"
-    )
+    whole = len(lines) >= wanted and lines[wanted - 1].endswith(b"\n")
+    last = lines[wanted - 1].partition(b",")[0].decode(errors="replace") if whole else "nothing"
     if k and last != str(k):
         raise CheckpointError(
             f"{path} is damaged: expected its line {wanted} to be of iteration {k}, as the "

@@ -6,11 +6,19 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from pydantic import BaseModel, PositiveInt, ValidationError
+import torch
 
-from repaint_cli.errors import CheckpointError, NotFound, TeacherMismatch
+from repaint_cli.errors import NotFound, TeacherMismatch
 from repaint_cli.files.atomic import sha256
-from repaint_cli.settings import TransferConfig, first_problem
+from repaint_cli.learn import q_learning
+from repaint_cli.learn.evaluation import spaces_of
+from repaint_cli.policies.spaces import Spaces
+from repaint_cli.provenance import versions
+from repaint_cli.runs.folder import RunFolder
+from repaint_cli.runs.measuring import check_episodes
+from repaint_cli.runs.record import RunRecord, TeacherRecord
+from repaint_cli.runs.teachers import LoadedTeachers, load_teachers
+from repaint_cli.settings import TransferConfig
 from repaint_cli.tasks.card import TaskCard
 from repaint_cli.tasks.methods import METHODS
 from repaint_cli.zoo import store
@@ -37,6 +45,11 @@ class Plan:
     """How many checkpoints to keep."""
 
     @property
+    def files(self) -> RunFolder:
+        """Where the run's files lie."""
+        return RunFolder(self.folder)
+
+    @property
     def transfer(self) -> TransferConfig:
         """What the method leaves of the task's transfer settings."""
         return METHODS[self.method].apply(self.task.transfer)
@@ -51,17 +64,57 @@ class Plan:
             select = select.model_copy(update={"rule": "zeta"})
         return self.task.model_copy(update={"transfer": transfer, "select": select})
 
-    def record(self) -> dict[str, Any]:
-        """Return it as JSON, but for the teachers, whose files are known when they are loaded."""
+    def check(self) -> tuple[Spaces, LoadedTeachers]:
+        """Try what would else fail only in the run; return the policies' spaces and the teachers.
+
+        Raises:
+            CardError: the task cannot be rolled out as its card says, or the number of teachers
+                and the settings do not go together.
+            TeacherMismatch: a teacher does not fit the task.
+            CheckpointError: a teacher's file is damaged.
+        """
+        task = self.target
+        spaces = spaces_of(task)
+        task.check_rollout()
+        check_episodes(task)
+        by_q = self.algorithm == "q-learning"
+        if by_q:
+            q_learning.check(task, spaces)
+        paths = self.teachers if METHODS[self.method].needs_teacher else ()
+        seeds = len(self.seeds)
+        return spaces, load_teachers(paths, self.acting, task, spaces, seeds, beside=int(by_q))
+
+    def new_record(self, teachers: LoadedTeachers) -> RunRecord:
+        """Return the record of the run at its beginning."""
+        return RunRecord(
+            state="running",
+            algorithm=self.algorithm,
+            method=self.method,
+            seeds=self.seeds,
+            task=self.task.model_dump(mode="json"),
+            transfer=self.transfer.model_dump(mode="json"),
+            teacher_name=self.teacher_name,
+            replace=self.replace,
+            keep=self.keep,
+            teachers=list(teachers.records),
+            automatic=self.target.automatic and bool(teachers.teachers),
+            versions=versions(),
+            threads=torch.get_num_threads(),
+        )
+
+    def identity(self, teachers: LoadedTeachers) -> dict[str, Any]:
+        """Return what makes a run this one and no other, as JSON; any number of iterations is."""
+        task = self.task.model_dump(mode="json")
+        task["ppo"]["n_iterations"] = None
+        files = [sha256(path) for path in self.task.env.files()]
         return {
             "algorithm": self.algorithm,
             "method": self.method,
             "seeds": self.seeds,
-            "task": self.task.model_dump(mode="json"),
+            "task": task,
             "transfer": self.transfer.model_dump(mode="json"),
-            "teacher_name": self.teacher_name,
-            "replace": self.replace,
-            "keep": self.keep,
+            "teachers": {teacher.name: teacher.sha256 for teacher in teachers.records},
+            "track": files[0] if files else None,
         }
 
     def for_iterations(self, n: int) -> "Plan":
@@ -69,7 +122,7 @@ class Plan:
         return replace(self, task=self.task.with_settings([f"ppo.n_iterations={n}"]))
 
 
-def plan_of(record: Mapping[str, Any], task: TaskCard, folder: Path) -> Plan:
+def plan_of(record: RunRecord, task: TaskCard, folder: Path) -> Plan:
     """Return the plan of an earlier run, with its teachers' files found again.
 
     Args:
@@ -79,49 +132,27 @@ def plan_of(record: Mapping[str, Any], task: TaskCard, folder: Path) -> Plan:
 
     Raises:
         CheckpointError: the record is of an earlier version.
-        NotFound: a teacher is gone.
-        TeacherMismatch: a teacher's file is another one now.
+        NotFound: a teacher's file is gone.
+        TeacherMismatch: a teacher's file has other contents now.
     """
-    try:
-        begun = _Begun.model_validate(record)
-    except ValidationError as error:
-        raise CheckpointError(
-            f"{folder}/run.json is of an earlier version or damaged, and cannot be resumed: "
-            f"{first_problem(error)}"
-        ) from error
-    found = [(_file_of(teacher), teacher.instances) for teacher in begun.teachers]
+    record.check_resumable(RunFolder(folder))
+    paths = [(_file_of(teacher), teacher.instances) for teacher in record.teachers]
     return Plan(
-        task, begun.method, begun.seeds, folder,
-        teachers=tuple(path for path, _ in found),
-        acting=tuple(path for path, acts in found if acts),
-        algorithm=begun.algorithm, teacher_name=begun.teacher_name,
-        replace=begun.replace, keep=begun.keep,
+        task, record.method, record.seeds, folder,
+        teachers=tuple(path for path, _ in paths),
+        acting=tuple(path for path, acts in paths if acts),
+        algorithm=record.algorithm, teacher_name=record.teacher_name,
+        replace=record.replace, keep=record.keep,
     )  # fmt: skip
 
 
-class _Named(BaseModel):
-    """A teacher in run.json."""
+def _file_of(teacher: TeacherRecord) -> Path:
+    """Return a teacher's file: where it was, or in the zoo; its contents must be the same.
 
-    name: str
-    sha256: str
-    instances: bool
-    file: str
-
-
-class _Begun(BaseModel):
-    """What of run.json a resumed run needs."""
-
-    method: str
-    algorithm: str
-    seeds: list[int]
-    teachers: list[_Named]
-    teacher_name: str | None
-    replace: bool
-    keep: PositiveInt
-
-
-def _file_of(teacher: _Named) -> Path:
-    """Return a teacher's file: where it was, or in the zoo; its contents must be the same."""
+    Raises:
+        NotFound: neither place has a file.
+        TeacherMismatch: the files there have other contents.
+    """
     name, wanted = teacher.name, teacher.sha256
     known = store.teachers()
     places = [Path(teacher.file), *([known[name]] if name in known else [])]
@@ -130,24 +161,24 @@ def _file_of(teacher: _Named) -> Path:
         raise NotFound(
             f"the run's teacher '{name}' is gone: expected it at {places[0]} or in the zoo"
         )
-    for path, found in hashes.items():
-        if found == wanted:
+    for path, actual in hashes.items():
+        if actual == wanted:
             return path
-    path, found = next(iter(hashes.items()))
+    path, actual = next(iter(hashes.items()))
     raise TeacherMismatch(
-        f"the run's teacher '{name}' was {wanted[:12]}… (sha256), {path} is {found[:12]}…; "
+        f"the run's teacher '{name}' was {wanted[:12]}… (sha256), {path} is {actual[:12]}…; "
         "put the file that it began with in place"
     )
 
 
-def difference(theirs: Any, ours: Any, where: Sequence[str] = ()) -> str | None:
+def difference(earlier: Any, present: Any, where: Sequence[str] = ()) -> str | None:
     """Return the first place in which two JSON values differ, with both, or None."""
-    if isinstance(theirs, Mapping) and isinstance(ours, Mapping):
-        for name in sorted(theirs.keys() | ours.keys()):
-            found = difference(theirs.get(name), ours.get(name), (*where, name))
-            if found:
-                return found
+    if isinstance(earlier, Mapping) and isinstance(present, Mapping):
+        for name in sorted(earlier.keys() | present.keys()):
+            text = difference(earlier.get(name), present.get(name), (*where, name))
+            if text:
+                return text
         return None
-    if theirs == ours:
+    if earlier == present:
         return None
-    return f"{'.'.join(where)} {json.dumps(theirs)} against {json.dumps(ours)}"
+    return f"{'.'.join(where)} {json.dumps(earlier)} against {json.dumps(present)}"

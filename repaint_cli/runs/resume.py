@@ -1,149 +1,107 @@
-"""What a run has behind it: claimed once, put on disk with every iteration, found again."""
+"""What a run has behind it beside its learner: put on disk with every iteration, and read again."""
 
 import os
 import shutil
-import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from repaint_cli.errors import CheckpointError, StoreError
-from repaint_cli.files.atomic import (
-    TEMPORARY_PREFIX,
-    UMASK,
-    as_json,
-    atomic_write,
-    sha256,
-    write_errors,
-    write_text,
-)
+from repaint_cli.errors import CheckpointError
+from repaint_cli.files.atomic import atomic_write
 from repaint_cli.learn.learner import Learner
-from repaint_cli.runs import evaluations
-from repaint_cli.runs.alarms import IN_A_ROW, Alarm
+from repaint_cli.runs.alarms import IN_A_ROW
 from repaint_cli.runs.checkpoint import load_learner, save_learner
-from repaint_cli.runs.metrics import cut_csv, start_csv
+from repaint_cli.runs.folder import remove
+from repaint_cli.runs.metrics import cut_csv
 from repaint_cli.runs.plan import Plan, difference
-from repaint_cli.runs.teachers import Staff
-
-CHECKPOINT = "checkpoint.safetensors"
-"""All that the learner is after the last finished iteration."""
-
-EARLIER = "checkpoint-*.safetensors"
-"""Those before it, by iteration."""
-
-MOST_ALARMS = 1000
-"""Alarms that are recorded: what has to be said so often need not be said more often."""
+from repaint_cli.runs.teachers import LoadedTeachers
 
 
 @dataclass
-class Past:
-    """What the run remembers beside its learner."""
+class RunState:
+    """What the run remembers beside its learner; its size is that of one iteration."""
 
     seconds: float = 0.0
-    """How long it has taken."""
+    """How long the run has taken."""
     best_return: float = float("-inf")
-    """Of the best evaluated policy so far."""
+    """Mean return of the best evaluated policy so far."""
     best: tuple[int, int] = (0, 0)
-    """After which iteration it was, and which of the seeds, from 0."""
-    alarms: list[Alarm] = field(default_factory=list)
-    """What looked wrong."""
+    """After which iteration it was evaluated, and which of the seeds it is, from 0."""
     returns: list[np.ndarray] = field(default_factory=list)
     """Evaluated returns (S, E) after the last iterations, as many as alarms look back."""
     logs: list[Mapping[str, float]] = field(default_factory=list)
     """How far each seed's log of its drives is."""
     notices: list[str] = field(default_factory=list)
-    """What was wrong with how it was found."""
+    """What was wrong with how it was read."""
     source: Path | None = None
-    """The checkpoint it was found in."""
+    """The checkpoint that it was read from."""
 
-    def see(self, k: int, returns: np.ndarray, alarms: Sequence[Alarm]) -> None:
-        """Take in iteration k: how its evaluation went (S, E), and what looked wrong."""
+    def add_evaluation(self, k: int, returns: np.ndarray) -> None:
+        """Take in the evaluated returns (S, E) after iteration k."""
         self.returns = [*self.returns, returns][1 - IN_A_ROW :]
-        self.alarms = [*self.alarms, *alarms][:MOST_ALARMS]
         means = returns.mean(1)
         s = int(means.argmax())
         if means[s] > self.best_return:
             self.best_return, self.best = float(means[s]), (k, s)
 
-    def record(self) -> dict[str, Any]:
+    def as_json(self) -> dict[str, Any]:
         """Return it as JSON."""
         return {
             "seconds": self.seconds,
             "best_return": self.best_return,
             "best": self.best,
-            "alarms": [alarm.record() for alarm in self.alarms],
             "returns": [returns.tolist() for returns in self.returns],
             "logs": self.logs,
         }
 
     @classmethod
-    def of(cls, notes: Mapping[str, Any], source: Path) -> "Past":
-        """Return what `record` told.
+    def from_notes(cls, notes: Mapping[str, Any], source: Path) -> "RunState":
+        """Return the state in a checkpoint's notes, as `as_json` wrote it.
 
         Raises:
-            CheckpointError: it did not.
+            CheckpointError: a part is absent or malformed.
         """
         try:
-            record = notes["past"]
-            k, s = map(int, record["best"])
+            past = notes["past"]
+            k, s = map(int, past["best"])
             return cls(
-                seconds=float(record["seconds"]),
-                best_return=float(record["best_return"]),
+                seconds=float(past["seconds"]),
+                best_return=float(past["best_return"]),
                 best=(k, s),
-                alarms=[Alarm(**alarm) for alarm in record["alarms"]],
-                returns=[np.array(returns, np.float64) for returns in record["returns"]],
-                logs=[{str(n): float(x) for n, x in log.items()} for log in record["logs"]],
+                returns=[np.array(returns, np.float64) for returns in past["returns"]],
+                logs=[{str(n): float(x) for n, x in log.items()} for log in past["logs"]],
                 source=source,
             )
         except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
             raise CheckpointError(f"{source} tells nothing of its past: {error!s:.200}") from error
 
 
-def claim(folder: Path, record: Mapping[str, Any]) -> None:
-    """Make the folder of a new run, with its record and no metrics, at one stroke.
+def save_checkpoint(
+    plan: Plan, teachers: LoadedTeachers, learner: Learner, state: RunState
+) -> None:
+    """Write all that the run is after an iteration; keep as many earlier ones as planned.
 
     Raises:
-        StoreError: it exists or cannot be made.
+        StoreError: the checkpoint cannot be written; the one before is as it was.
     """
-    if folder.exists():
-        raise StoreError(f"{folder} exists already; name another with --run, or --resume it")
-    try:
-        folder.parent.mkdir(parents=True, exist_ok=True)
-        beginning = Path(tempfile.mkdtemp(dir=folder.parent, prefix=TEMPORARY_PREFIX))
-    except FileExistsError as error:
-        raise StoreError(f"cannot make {folder}: {folder.parent} is no folder") from error
-    except OSError as error:
-        raise StoreError(f"cannot make {folder}: {error.strerror}") from error
-    try:
-        write_text(beginning / "run.json", as_json(record))
-        start_csv(beginning / "metrics.csv")
-        beginning.chmod(0o777 & ~UMASK)
-        os.rename(beginning, folder)
-    except OSError as error:
-        raise StoreError(f"cannot make {folder}: {error.strerror}") from error
-    finally:
-        shutil.rmtree(beginning, ignore_errors=True)
-
-
-def save_checkpoint(plan: Plan, staff: Staff, learner: Learner, past: Past) -> None:
-    """Write all that the run is after an iteration; keep as many earlier ones as asked.
-
-    Raises:
-        StoreError: it cannot be written; the one before is as it was.
-    """
-    path = plan.folder / CHECKPOINT
-    if plan.keep > 1 and path.is_file():
-        _copy(path, plan.folder / EARLIER.replace("*", f"{learner.iteration - 1:05}"))
-    save_learner(path, learner, {"run": _identity(plan, staff), "past": past.record()})
-    for old in _earlier(plan.folder)[plan.keep - 1 :]:
-        _remove(old)
+    files, k = plan.files, learner.iteration
+    if plan.keep > 1 and files.checkpoint.is_file():
+        _copy(files.checkpoint, files.earlier_checkpoint(k - 1))
+    notes = {"run": plan.identity(teachers), "past": state.as_json()}
+    save_learner(files.checkpoint, learner, notes)
+    if plan.keep > 1:
+        remove(files.earlier_checkpoint(k - plan.keep))
 
 
 def _copy(path: Path, other: Path) -> None:
-    """Put a file in the place of another, too; it takes no room where there are links."""
+    """Put a file in the place of another, too; it takes no room where there are links.
+
+    Raises:
+        StoreError: the copy cannot be written.
+    """
     with atomic_write(other) as temporary:
         temporary.unlink()
         try:
@@ -152,76 +110,61 @@ def _copy(path: Path, other: Path) -> None:
             shutil.copyfile(path, temporary)
 
 
-def _earlier(folder: Path) -> list[Path]:
-    """Return the checkpoints before the last, the newest first."""
-    return sorted(folder.glob(EARLIER), reverse=True)
-
-
-def _remove(path: Path) -> None:
-    with write_errors(path):
-        path.unlink(missing_ok=True)
-
-
-def find_past(plan: Plan, staff: Staff, learner: Learner) -> Past:
+def restore(plan: Plan, teachers: LoadedTeachers, learner: Learner) -> RunState:
     """Put a learner back to the end of a run's last whole iteration; return what else was.
 
     A run that was stopped before its first checkpoint begins anew. Where the newest checkpoint is
     damaged, the newest whole one of those kept counts.
 
     Raises:
-        CheckpointError: all are damaged, or they are of another run, version or teacher.
+        CheckpointError: all checkpoints are damaged, or of another run, version or teacher.
     """
-    path = plan.folder / CHECKPOINT
-    earlier = _earlier(plan.folder)
-    if not path.is_file() and not earlier:
-        return Past()
+    newest, earlier = plan.files.checkpoint, plan.files.earlier_checkpoints()
+    if not newest.is_file() and not earlier:
+        learner.iteration = 0
+        return RunState()
     problems = []
-    for each in (path, *earlier):
+    for path in (newest, *earlier.values()):
         try:
-            notes = load_learner(each, learner)
-            past = Past.of(notes, each)
+            notes = load_learner(path, learner)
+            state = RunState.from_notes(notes, path)
         except CheckpointError as error:
             problems.append(error)
             continue
-        _check_identity(each, notes, plan, staff)
-        past.notices = [f"{problem}; going on from {each.name}" for problem in problems]
-        return past
+        _check_identity(path, notes, plan, teachers)
+        state.notices = [f"{problem}; going on from {path.name}" for problem in problems]
+        return state
     raise problems[0]
 
 
-def _identity(plan: Plan, staff: Staff) -> dict[str, Any]:
-    """Return what makes a run this one and no other, as JSON."""
-    record = plan.record()
-    same = {name: record[name] for name in ("algorithm", "method", "seeds", "task", "transfer")}
-    same["task"] = {**same["task"], "ppo": {**same["task"]["ppo"], "n_iterations": None}}
-    teachers = {str(teacher["name"]): teacher["sha256"] for teacher in staff.record}
-    files = [sha256(path) for path in plan.task.env.files()]
-    return same | {"teachers": teachers, "track": files[0] if files else None}
+def _check_identity(
+    path: Path, notes: Mapping[str, Any], plan: Plan, teachers: LoadedTeachers
+) -> None:
+    """Check that a checkpoint is of the planned run.
 
-
-def _check_identity(path: Path, notes: Mapping[str, Any], plan: Plan, staff: Staff) -> None:
-    found = difference(notes.get("run"), _identity(plan, staff))
-    if found:
+    Raises:
+        CheckpointError: the checkpoint is of another run.
+    """
+    text = difference(notes.get("run"), plan.identity(teachers))
+    if text:
         raise CheckpointError(
-            f"{path} is of another run than run.json beside it: {found}; put back the one or the "
+            f"{path} is of another run than run.json beside it: {text}; put back the one or the "
             "other"
         )
 
 
-def settle(folder: Path, past: Past, k: int, n_seeds: int) -> None:
-    """Remove what a run's folder tells of iterations after k, and what was never finished.
+def settle(plan: Plan, state: RunState, k: int) -> None:
+    """Remove what a run's folder holds of iterations after k, and what was never finished.
 
     Raises:
-        CheckpointError: it does not tell of all those before.
-        StoreError: it cannot be written.
+        CheckpointError: metrics.csv lacks an iteration up to k.
+        StoreError: the folder cannot be written.
     """
-    newest = folder / CHECKPOINT
-    if past.source and past.source != newest:  # which is damaged
-        _copy(past.source, newest)
-    for path in _earlier(folder):
-        if path.name >= EARLIER.replace("*", f"{k:05}"):
-            _remove(path)
-    cut_csv(folder / "metrics.csv", k, n_seeds)
-    evaluations.forget_after(folder, k)
-    for unfinished in folder.rglob(f"{TEMPORARY_PREFIX}*"):
-        _remove(unfinished)
+    files = plan.files
+    if state.source and state.source != files.checkpoint:  # which is damaged
+        _copy(state.source, files.checkpoint)
+    files.forget_after(k)
+    for surplus in list(files.earlier_checkpoints().values())[plan.keep - 1 :]:
+        remove(surplus)
+    cut_csv(files.metrics, k, len(plan.seeds))
+    files.remove_unfinished()

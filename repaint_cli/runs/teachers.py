@@ -1,4 +1,4 @@
-"""A run's teachers: found to fit, loaded, weighed; and a student that starts from one."""
+"""A run's teachers: checked, loaded, weighed; and a student that starts from one."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,6 +13,7 @@ from repaint_cli.learn.transfer.teachers import Teacher
 from repaint_cli.policies import weights
 from repaint_cli.policies.networks import ActorCritic
 from repaint_cli.policies.spaces import Spaces
+from repaint_cli.runs.record import TeacherRecord
 from repaint_cli.tasks.card import TaskCard
 from repaint_cli.tasks.similarity import cosine
 from repaint_cli.zoo import store
@@ -20,25 +21,25 @@ from repaint_cli.zoo.teacher_card import TeacherCard, read_card
 
 
 @dataclass(frozen=True)
-class Staff:
+class LoadedTeachers:
     """The teachers of a run."""
 
     cards: tuple[TeacherCard, ...]
-    """What each is."""
+    """What their files say of them, (M,)."""
     teachers: tuple[Teacher, ...]
-    """What the trainer learns from."""
-    record: tuple[dict[str, object], ...]
-    """What run.json says of each."""
+    """What the student learns from, (M,)."""
+    records: tuple[TeacherRecord, ...]
+    """What run.json says of them, (M,)."""
 
 
-def load_staff(
+def load_teachers(
     paths: Sequence[Path],
     acting: Sequence[Path] | None,
     task: TaskCard,
     spaces: Spaces,
     seeds: int,
     beside: int = 0,
-) -> Staff:
+) -> LoadedTeachers:
     """Load teachers for a task.
 
     Args:
@@ -50,8 +51,8 @@ def load_staff(
         beside: 1 where the student acts in the teachers' iterations, too, and shares their steps.
 
     Raises:
-        TeacherMismatch: one of them does not fit the task, with a line for each.
-        CardError: their number and the settings do not go together.
+        TeacherMismatch: a teacher does not fit the task, with a line for each.
+        CardError: the number of teachers and the settings do not go together.
         CheckpointError: a file is damaged.
     """
     cards = [read_card(path) for path in paths]
@@ -60,19 +61,16 @@ def load_staff(
     _check_numbers(task, len(paths), sum(acts))
     _check_shares(task, sum(acts), beside)
     _check_relevance(task, spaces)
-    teachers, record = list[Teacher](), list[dict[str, object]]()
+    teachers, records = list[Teacher](), list[TeacherRecord]()
     for path, card, act in zip(paths, cards, acts, strict=True):
         network, _ = store.load_teacher(path, seeds)
         teachers.append(Teacher(network, act, _weights(card, task), cosine(card.task, task)))
-        record.append(
-            {
-                "name": card.name,
-                "sha256": sha256(path),
-                "instances": act,
-                "file": str(path.absolute()),
-            }
+        records.append(
+            TeacherRecord(
+                name=card.name, sha256=sha256(path), instances=act, file=str(path.absolute())
+            )
         )
-    return Staff(tuple(cards), tuple(teachers), tuple(record))
+    return LoadedTeachers(tuple(cards), tuple(teachers), tuple(records))
 
 
 def _check_numbers(task: TaskCard, n_teachers: int, n_acting: int) -> None:
@@ -91,7 +89,11 @@ def _check_numbers(task: TaskCard, n_teachers: int, n_acting: int) -> None:
 
 
 def _check_shares(task: TaskCard, n_acting: int, beside: int) -> None:
-    """Check that everybody's share of an iteration's steps is longer than an episode."""
+    """Check that each share of an iteration's steps is longer than an episode.
+
+    Raises:
+        CardError: a share is too short.
+    """
     if task.ppo.n_steps is None or task.ppo.n_episodes or not (task.transfer.instance and n_acting):
         return
     sharing, need = n_acting + beside, task.env.longest_episode() + 1
@@ -103,7 +105,11 @@ def _check_shares(task: TaskCard, n_acting: int, beside: int) -> None:
 
 
 def _check_relevance(task: TaskCard, spaces: Spaces) -> None:
-    """Check that there are distances between observations, by which relevance is judged."""
+    """Check that there are distances between observations, by which relevance is judged.
+
+    Raises:
+        CardError: the observations are images.
+    """
     if task.select.rule != "rbt" or not task.transfer.instance:
         return
     if spaces.image:
@@ -117,16 +123,16 @@ def _weights(card: TeacherCard, task: TaskCard) -> np.ndarray | None:
     return np.array(card.task.weights(task.reward))
 
 
-def warm_start(student: ActorCritic, staff: Staff, task: TaskCard) -> None:
+def warm_start(student: ActorCritic, loaded: LoadedTeachers, task: TaskCard) -> None:
     """Put the first teacher's weights into every seed of the student.
 
     Raises:
-        TeacherMismatch: its networks are others.
-        CardError: log σ is to be set anew, but there is none.
+        TeacherMismatch: the teacher's networks are others than the student's.
+        CardError: log σ is to be set anew, and the actions are discrete.
     """
-    _check_same_networks(staff.cards[0], task)
-    name, log_std = staff.cards[0].name, task.transfer.warm_start_log_std
-    leaves = dict(weights.policy_tensors(staff.teachers[0].network, 0))
+    _check_same_networks(loaded.cards[0], task)
+    name, log_std = loaded.cards[0].name, task.transfer.warm_start_log_std
+    leaves = dict(weights.policy_tensors(loaded.teachers[0].network, 0))
     own = weights.policy_tensors(student)
     if task.transfer.warm_start == "policy":
         leaves = {n: leaf for n, leaf in leaves.items() if not n.startswith("value.")}
@@ -142,13 +148,17 @@ def warm_start(student: ActorCritic, staff: Staff, task: TaskCard) -> None:
 
 
 def _check_same_networks(card: TeacherCard, task: TaskCard) -> None:
-    """Check what leaves of equal shapes would not show: how dense networks see and bend."""
+    """Check what leaves of equal shapes do not show: activations, and how inputs are scaled.
+
+    Raises:
+        TeacherMismatch: a setting of dense networks differs.
+    """
     if task.net.kind != "mlp":
         return
     for key in ("activation", "obs_clip", "obs_min_std"):
-        theirs, ours = getattr(card.task.net, key), getattr(task.net, key)
-        if theirs != ours:
+        taught, wanted = getattr(card.task.net, key), getattr(task.net, key)
+        if taught != wanted:
             raise TeacherMismatch(
-                f"a warm start needs equal networks: teacher '{card.name}' has net.{key} {theirs}, "
-                f"task '{task.name}' has {ours}; try --set net.{key}={theirs}"
+                f"a warm start needs equal networks: teacher '{card.name}' has net.{key} {taught}, "
+                f"task '{task.name}' has {wanted}; try --set net.{key}={taught}"
             )

@@ -13,7 +13,7 @@ def require_tensorboard() -> None:
     """Check that TensorBoard is installed.
 
     Raises:
-        RepaintError: it is not.
+        RepaintError: TensorBoard is absent.
     """
     if find_spec("tensorboard") is None:
         raise RepaintError("--tensorboard needs TensorBoard: pip install 'repaint-rl[tensorboard]'")

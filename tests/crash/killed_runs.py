@@ -77,11 +77,14 @@ def go_on(kind, folder, n_iterations=12):
     torch.set_num_threads(1)
     if (folder / "run.json").is_file():
         run = read_run(folder)
-        experiment = Experiment(plan_of(run.record, run.task, folder), resume=True)
+        experiment = Experiment.resume(plan_of(run.record, run.task, folder))
     else:
-        experiment = Experiment(plan(kind, folder, n_iterations))
+        experiment = Experiment.begin(plan(kind, folder, n_iterations))
     for _ in experiment.run():
         pass
+
+
+real_append = os.write
 
 
 def _die(*_, **__):
@@ -98,6 +101,8 @@ def _dying(kind, folder, fate):
             left[0] -= 1
             if left[0] == 0 and rng.random() < 0.5:
                 _die()
+            if left[0] == 0 and operation is real_append:
+                _append_and_die(*args, rng.choice((0.5, 1)))
             done = operation(*args, **kwargs)
             if left[0] == 0:
                 if operation is real_write:
@@ -109,9 +114,28 @@ def _dying(kind, folder, fate):
 
     real_write = Path.write_bytes
     Path.write_bytes = killable(real_write)
-    for name in ("fsync", "replace", "rename", "truncate", "unlink"):
+    names = "write fsync fdatasync replace rename truncate ftruncate unlink"
+    for name in names.split():
         setattr(atomic.os, name, killable(getattr(os, name)))
     go_on(kind, folder)
+
+
+def _append_and_die(handle, data, share):
+    """Write a part of what is to be appended, and have it on disk."""
+    real_append(handle, data[: round(len(data) * share)])
+    _die()
+
+
+def _dying_in_append(kind, folder, number, share, n_iterations):
+    """Go on with a run and die in its `number`th append, of which a share is on disk."""
+    left = [number]
+
+    def append(handle, data):
+        left[0] -= 1
+        return real_append(handle, data) if left[0] else _append_and_die(handle, data, share)
+
+    atomic.os.write = append
+    go_on(kind, folder, n_iterations)
 
 
 @cache
@@ -127,14 +151,23 @@ def nursery():
 
 def killed(kind, folder, fate):
     """Go on with a run until fate has it, or its end; return whether it was killed."""
-    outside = fate % 2
-    child = nursery().Process(
-        target=go_on if outside else _dying,
-        args=(kind, folder) if outside else (kind, folder, fate),
-    )
+    if not fate % 2:
+        return _ended(nursery().Process(target=_dying, args=(kind, folder, fate)))
+    after = random.Random(fate).uniform(0.02, 4 if kind == "racer" else 0.6)
+    return _ended(nursery().Process(target=go_on, args=(kind, folder)), after)
+
+
+def killed_in_append(kind, folder, number, share, n_iterations):
+    """Go on with a run until its `number`th append, or its end; return whether it was killed."""
+    args = kind, folder, number, share, n_iterations
+    return _ended(nursery().Process(target=_dying_in_append, args=args))
+
+
+def _ended(child, after=None):
+    """Let a process run, up to some seconds if it is to be killed then; return whether it was."""
     child.start()
-    if outside:
-        sleep(random.Random(fate).uniform(0.02, 4 if kind == "racer" else 0.6))
+    if after is not None:
+        sleep(after)
         child.kill()
     child.join(60)
     assert child.exitcode in (0, -signal.SIGKILL), child.exitcode

@@ -21,7 +21,7 @@ from repaint_cli.policies import weights
 from repaint_cli.policies.networks import ActorCritic
 from repaint_cli.policies.spaces import Spaces
 from repaint_cli.runs import checkpoint
-from repaint_cli.runs.comparison import compare, record
+from repaint_cli.runs.comparison import as_row, compare
 from repaint_cli.runs.experiment import Experiment
 from repaint_cli.runs.plan import Plan
 from repaint_cli.runs.reader import read_run
@@ -94,7 +94,7 @@ def teacher_targets(folder):
 
 def run_targets(folder):
     task = reach()
-    for _ in Experiment(Plan(task, "scratch", [0, 1], folder)).run():
+    for _ in Experiment.begin(Plan(task, "scratch", [0, 1], folder)).run():
         pass
 
     def read():
@@ -102,7 +102,7 @@ def run_targets(folder):
         assert run.taught_until >= 0
         if run.returns.size and (run.progress is None or run.progress.size):
             found = compare({run.label: run}, run.label, None)
-            assert json.dumps([record(row) for row in found.standings])
+            assert json.dumps([as_row(row) for row in found.standings])
 
     path = folder / "checkpoint.safetensors"
 

@@ -8,7 +8,6 @@ model/model_metadata.json  ip/hyperparameters.json  reward_function.py
 
 import csv
 import io
-import json
 import re
 from array import array
 from collections.abc import Iterator, Mapping, Sequence
@@ -23,6 +22,7 @@ import numpy as np
 from repaint_cli.envs.logs import LoggedRun
 from repaint_cli.envs.racer.deepracer.model_files import hyperparameters, model_metadata
 from repaint_cli.envs.racer.deepracer.traces import Trace
+from repaint_cli.envs.racer.deepracer.training_metrics import TrainingMetrics
 from repaint_cli.envs.racer.dynamics.car import STEP_SECONDS
 from repaint_cli.envs.racer.simulator import RacerSimulator
 from repaint_cli.envs.racer.track.files import load_track
@@ -74,39 +74,30 @@ class Simtrace:
         self._per_iteration = run.ppo.n_episodes or 0
         self._length = load_track(env.track).length
         self._clock, self._episodes = 0.0, 0
-        self._metrics: list[dict[str, Any]] = []
+        self._metrics = TrainingMetrics(folder / METRICS)
+        self._noted: list[dict[str, Any]] = []
         self._write_settings(env, run, resumed)
 
     @property
     def position(self) -> dict[str, float]:
         """How far the log is, for `go_back`."""
-        return {"clock": self._clock, "episodes": self._episodes, "noted": len(self._metrics)}
+        return {"clock": self._clock, "episodes": self._episodes, "noted": self._metrics.count}
 
     def go_back(self, k: int, position: Mapping[str, float]) -> None:
         """Forget what was logged after iteration k, when the log was at `position`.
 
         Raises:
-            CheckpointError: its metrics are damaged.
+            CheckpointError: TrainingMetrics.json is damaged.
+        StoreError: a file cannot be changed.
         """
         position = {**START, **position}
-        path, noted = self.folder / METRICS, int(position["noted"])
-        try:
-            text = path.read_text(encoding="utf-8") if noted else '{"metrics": []}'
-            metrics = json.loads(text)["metrics"][:noted]
-        except (OSError, ValueError, LookupError, TypeError) as error:
-            raise CheckpointError(f"{path} is damaged: {error}") from error
-        if len(metrics) < noted:
-            raise CheckpointError(
-                f"{path} is damaged: expected {noted} episodes after iteration {k}"
-            )
-        self._metrics, self._clock = metrics, position["clock"]
+        self._metrics.cut(int(position["noted"]))
+        self._noted, self._clock = [], position["clock"]
         self._episodes = int(position["episodes"])
         for file in (self.folder / TRAINING).glob("*-iteration.csv"):
             if _ITERATION(file.name) and int(file.name.partition("-")[0]) >= k:
                 with write_errors(file):
                     file.unlink()
-        if noted:
-            self._write_metrics()
 
     def train(self, k: int, traces: Sequence[Trace]) -> None:
         """Log the training episodes of iteration k, from 1.
@@ -203,7 +194,7 @@ class Simtrace:
     def _note(self, episode: int, trace: Trace, phase: str, trial: int | None = None) -> None:
         """Add an episode to the metrics, and its time to the clock."""
         seconds = len(trace) * self._step
-        self._metrics.append({
+        self._noted.append({
             "reward_score": round(float(trace.reward.sum()), 4),
             "metric_time": round(1000 * (self._clock + seconds)),
             "start_time": round(1000 * self._clock),
@@ -217,8 +208,10 @@ class Simtrace:
         self._clock += seconds
 
     def _write_metrics(self) -> None:
-        data = {"metrics": self._metrics, "version": 2.0, "best_model_metric": "progress"}
-        write_text(self.folder / METRICS, as_json(data))
+        """Put the episodes on disk that have been noted since the last time."""
+        if self._noted:
+            self._metrics.append(self._noted)
+        self._noted = []
 
 
 def read_training(folder: Path) -> Iterator[tuple[int, list[Trace]]]:

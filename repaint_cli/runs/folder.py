@@ -1,0 +1,180 @@
+"""A run's folder: the one place that names its files."""
+
+import os
+import shutil
+import tempfile
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from pathlib import Path
+
+from repaint_cli.errors import StoreError
+from repaint_cli.files.atomic import TEMPORARY_PREFIX, UMASK, write_errors
+from repaint_cli.files.lock import folder_lock
+
+RECORD = "run.json"
+"""What makes a folder a run's."""
+
+
+@dataclass(frozen=True)
+class RunFolder:
+    """Where each file of a run lies."""
+
+    path: Path
+    """Of the folder itself."""
+
+    @property
+    def record(self) -> Path:
+        """The settings, versions and state, as JSON."""
+        return self.path / RECORD
+
+    @property
+    def new_alarms(self) -> Path:
+        """The alarms since run.json was written last, a JSON object a line."""
+        return self.path / "new-alarms.jsonl"
+
+    @property
+    def metrics(self) -> Path:
+        """A row for each iteration and seed, as CSV."""
+        return self.path / "metrics.csv"
+
+    @property
+    def checkpoint(self) -> Path:
+        """All that the learner is after the last finished iteration."""
+        return self.path / "checkpoint.safetensors"
+
+    def earlier_checkpoint(self, k: int) -> Path:
+        """The checkpoint after iteration k, once there is a later one."""
+        return self.path / f"checkpoint-{k:05}.safetensors"
+
+    def earlier_checkpoints(self) -> dict[int, Path]:
+        """Return the checkpoints before the last by iteration, the newest first."""
+        return dict(reversed(_by_number(self.path, "checkpoint-").items()))
+
+    @property
+    def best(self) -> Path:
+        """The best evaluated policy so far, a teacher's file."""
+        return self.path / "best.safetensors"
+
+    def policy(self, seed: int) -> Path:
+        """A seed's last policy, a teacher's file."""
+        return self.path / f"seed-{seed}.safetensors"
+
+    @property
+    def evaluations(self) -> Path:
+        """The folder of the first seed's evaluations."""
+        return self.path / "evaluations"
+
+    def evaluation(self, k: int) -> Path:
+        """The first seed's evaluation after iteration k."""
+        return self.evaluations / f"{k:05}.safetensors"
+
+    def kept_evaluations(self) -> dict[int, Path]:
+        """Return the first seed's evaluations by iteration, in order."""
+        return _by_number(self.evaluations, "")
+
+    @property
+    def tensorboard(self) -> Path:
+        """The folder of TensorBoard's events."""
+        return self.path / "tensorboard"
+
+    @property
+    def curves(self) -> Path:
+        """The figure of the learning curve."""
+        return self.path / "curves.png"
+
+    @property
+    def trajectories(self) -> Path:
+        """The figure of some evaluations' paths."""
+        return self.path / "trajectories.png"
+
+    @property
+    def heatmap(self) -> Path:
+        """The figure of where a racing run's car was in training."""
+        return self.path / "heatmap.png"
+
+    @property
+    def progress(self) -> Path:
+        """The figure of how far a racing run's episodes came."""
+        return self.path / "progress.png"
+
+    def is_run(self) -> bool:
+        """Tell whether a run has been begun here."""
+        return self.record.is_file()
+
+    def claim(self, write: Callable[["RunFolder"], None]) -> None:
+        """Make the folder of a new run at one stroke, with the files that `write` puts into it.
+
+        Raises:
+            StoreError: the folder exists or cannot be made.
+        """
+        if self.path.exists():
+            raise StoreError(f"{self.path} exists already; name another with --run, or --resume it")
+        parent = self.path.parent
+        try:
+            parent.mkdir(parents=True, exist_ok=True)
+            beginning = Path(tempfile.mkdtemp(dir=parent, prefix=TEMPORARY_PREFIX))
+        except FileExistsError as error:
+            raise StoreError(f"cannot make {self.path}: {parent} is no folder") from error
+        except OSError as error:
+            raise StoreError(f"cannot make {self.path}: {error.strerror}") from error
+        try:
+            write(RunFolder(beginning))
+            beginning.chmod(0o777 & ~UMASK)
+            os.rename(beginning, self.path)
+        except OSError as error:
+            raise StoreError(f"cannot make {self.path}: {error.strerror}") from error
+        finally:
+            shutil.rmtree(beginning, ignore_errors=True)
+
+    def locked(self) -> AbstractContextManager[None]:
+        """Hold the folder, so that no other process writes this run.
+
+        Raises:
+            StoreError: another process holds it.
+        """
+        return folder_lock(self.path)
+
+    def forget_after(self, k: int) -> None:
+        """Remove the evaluations after iteration k, and checkpoints that are no earlier than it.
+
+        Raises:
+            StoreError: a file cannot be removed.
+        """
+        later = [path for n, path in self.kept_evaluations().items() if n > k]
+        later += [path for n, path in self.earlier_checkpoints().items() if n >= k]
+        for path in later:
+            remove(path)
+
+    def remove_unfinished(self) -> None:
+        """Remove the files that a killed process had not finished.
+
+        Raises:
+            StoreError: a file cannot be removed.
+        """
+        for path in self.path.rglob(f"{TEMPORARY_PREFIX}*"):
+            remove(path)
+
+
+def runs_in(root: Path, *, deep: bool = False) -> list[RunFolder]:
+    """Return the runs whose folders lie in a folder, or anywhere below it if `deep`."""
+    records = root.rglob(RECORD) if deep else root.glob(f"*/{RECORD}")
+    return [RunFolder(path.parent) for path in records]
+
+
+def remove(path: Path) -> None:
+    """Remove a file, where it is there.
+
+    Raises:
+        StoreError: the file cannot be removed.
+    """
+    with write_errors(path):
+        path.unlink(missing_ok=True)
+
+
+def _by_number(folder: Path, prefix: str) -> dict[int, Path]:
+    """Return a folder's tensor files called so and a number, by that number, in order."""
+    files = [
+        (path.stem.removeprefix(prefix), path) for path in folder.glob(f"{prefix}*.safetensors")
+    ]
+    return dict(sorted((int(number), path) for number, path in files if number.isdecimal()))

@@ -1,0 +1,220 @@
+"""run.json: what a run is, with what it began and how far it is."""
+
+import json
+from collections.abc import Mapping, Sequence
+from typing import Annotated, Any
+
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    NonNegativeInt,
+    PositiveInt,
+    ValidationError,
+    field_validator,
+)
+
+from repaint_cli.errors import CheckpointError, reported_as
+from repaint_cli.files.atomic import append_text, as_json, write_text
+from repaint_cli.files.limits import read_bytes, read_json
+from repaint_cli.runs.folder import RunFolder, remove
+from repaint_cli.settings import first_problem
+from repaint_cli.tasks.methods import ALGORITHMS, METHODS
+
+MOST_ALARMS = 1000
+"""Alarms that are recorded: what has to be said so often need not be said more often."""
+
+DECIDED = ("algorithm", "teacher_name", "replace", "keep")
+"""What schema 2 and earlier left out of what was decided before a run."""
+
+BEGINNING = ("versions", "threads", "resumed")
+"""With what a run began, which numbers depend on."""
+
+
+class Alarm(BaseModel):
+    """Something that looks like negative transfer, or like none."""
+
+    model_config = ConfigDict(frozen=True)
+
+    iteration: int
+    """After which it was noticed."""
+    kind: str
+    """What it is, in a word."""
+    text: str
+    """What it is, in a sentence."""
+
+
+class TeacherRecord(BaseModel):
+    """A teacher of a run."""
+
+    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9._-]+$")]
+    """As in its file."""
+    sha256: str = ""
+    """Of its file."""
+    instances: bool = True
+    """Whether its own samples are learned from."""
+    file: str = ""
+    """Where its file was."""
+
+
+class Resumption(BaseModel):
+    """Other versions that a run went on with."""
+
+    after: int
+    """The last iteration with the versions before."""
+    versions: dict[str, str]
+    """Of the libraries."""
+
+
+class RunRecord(BaseModel):
+    """All that run.json says; what an earlier schema left out has a default."""
+
+    model_config = ConfigDict(strict=True)
+
+    schema_version: int = 3
+    """1 knew one teacher; 2 could not be resumed."""
+    state: str = ""
+    """running, interrupted or finished."""
+    algorithm: str = "ppo"
+    """Who learns, by its name in `methods.ALGORITHMS`."""
+    method: str
+    """By its name in `methods.METHODS`."""
+    seeds: Annotated[list[NonNegativeInt], Field(min_length=1)]
+    """The run seeds, (S,)."""
+    task: dict[str, Any]
+    """The target task's card."""
+    transfer: dict[str, Any] = {}
+    """What the method leaves of the card's transfer settings; for people."""
+    teacher_name: str | None = None
+    """What the best policy is to be called in the user's zoo, where it is to go there."""
+    replace: bool = False
+    """Whether it may replace another there."""
+    keep: PositiveInt = 1
+    """How many checkpoints to keep."""
+    teachers: list[TeacherRecord]
+    """Whom the run learns from, (M,)."""
+    automatic: bool = False
+    """Whether the transfer goes by measurements."""
+    versions: dict[str, str] = {}
+    """Of the libraries that the run began with."""
+    threads: PositiveInt = 1
+    """Of torch: gradients of images differ in their last digits with another number."""
+    resumed: list[Resumption] = []
+    """When the run went on with other versions."""
+    iterations: NonNegativeInt = 0
+    """Finished iterations."""
+    seconds: float = 0.0
+    """How long they took."""
+    alarms: list[Alarm] = []
+    """What looked wrong, up to the time at which this was written."""
+
+    @field_validator("method", "algorithm")
+    @classmethod
+    def _check_name(cls, name: str) -> str:
+        if name not in {*METHODS, *ALGORITHMS}:
+            raise ValueError("expected a method or an algorithm of ours")
+        return name
+
+    @field_validator("seeds")
+    @classmethod
+    def _check_seeds(cls, seeds: list[int]) -> list[int]:
+        if len(set(seeds)) < len(seeds):
+            raise ValueError("expected every seed once")
+        return seeds
+
+    @classmethod
+    def read(cls, files: RunFolder) -> "RunRecord":
+        """Read a run's record, also one of an earlier version.
+
+        Raises:
+            CheckpointError: the file is absent or damaged.
+        """
+        with reported_as(CheckpointError):
+            record = read_json(files.record)
+        if isinstance(record, dict) and record.get("schema_version") == 1:  # which knew one teacher
+            record["teachers"] = [record["teacher"]] if record.get("teacher") else []
+        try:
+            return cls.model_validate(record)
+        except ValidationError as error:
+            problem = first_problem(error)
+            if problem.startswith(BEGINNING):
+                raise CheckpointError(
+                    f"{files.record} does not say with what it began: {problem}"
+                ) from error
+            raise CheckpointError(f"{files.record} is damaged: {problem}") from error
+
+    def write(self, files: RunFolder) -> None:
+        """Write the record; the file of new alarms, all of which are in it, is gone then.
+
+        Raises:
+            StoreError: run.json cannot be written.
+        """
+        write_text(files.record, as_json(self.model_dump(mode="json")))
+        remove(files.new_alarms)
+
+    def add_alarms(self, alarms: Sequence[Alarm], files: RunFolder) -> None:
+        """Take in alarms, as many as there is room for, and put them on disk beside run.json.
+
+        Raises:
+            StoreError: the file of new alarms cannot be written.
+        """
+        new = alarms[: MOST_ALARMS - len(self.alarms)]
+        if not new:
+            return
+        self.alarms.extend(new)
+        text = "".join(json.dumps(alarm.model_dump()) + "\n" for alarm in new)
+        if files.new_alarms.exists():
+            append_text(files.new_alarms, text)
+        else:
+            write_text(files.new_alarms, text)
+
+    def check_resumable(self, files: RunFolder) -> None:
+        """Check that the record holds what a resumed run needs, and earlier versions left out.
+
+        Raises:
+            CheckpointError: a part is absent.
+        """
+        absent = [name for name in DECIDED if name not in self.model_fields_set]
+        for m, teacher in enumerate(self.teachers):
+            names = TeacherRecord.model_fields.keys() - teacher.model_fields_set
+            absent += [f"teachers.{m}.{name}" for name in sorted(names)]
+        if absent:
+            raise CheckpointError(
+                f"{files.record} is of an earlier version or damaged, and cannot be resumed: "
+                f"{absent[0]}: Field required"
+            )
+        for name in BEGINNING:
+            if name not in self.model_fields_set:
+                raise CheckpointError(f"{files.record} does not say with what it began: {name!r}")
+
+    def go_on_with(self, versions: Mapping[str, str]) -> list[str]:
+        """Note the versions of a resumed run where they are others; return what to say of them."""
+        last = self.resumed[-1].versions if self.resumed else self.versions
+        changed = [
+            f"{name} {last.get(name)} → {versions.get(name)}"
+            for name in sorted(last.keys() | versions.keys())
+            if last.get(name) != versions.get(name)
+        ]
+        if not changed:
+            return []
+        self.resumed.append(Resumption(after=self.iterations, versions=dict(versions)))
+        return [f"the run goes on with other versions ({', '.join(changed)}): not bit for bit"]
+
+
+def alarms_until(k: int, files: RunFolder, record: RunRecord) -> list[Alarm]:
+    """Return the alarms up to iteration k: those in run.json, and those noted since then.
+
+    Raises:
+        CheckpointError: the file of new alarms cannot be read or is damaged.
+    """
+    data = b""
+    if files.new_alarms.exists():
+        with reported_as(CheckpointError):
+            data = read_bytes(files.new_alarms)
+    *lines, _ = data.split(b"\n")  # after the last end of a line stands what is half written
+    try:
+        new = [Alarm.model_validate_json(line) for line in lines]
+    except ValidationError as error:
+        problem = first_problem(error)
+        raise CheckpointError(f"{files.new_alarms} is damaged: {problem}") from error
+    return [alarm for alarm in dict.fromkeys([*record.alarms, *new]) if alarm.iteration <= k]
