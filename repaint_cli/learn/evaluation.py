@@ -176,7 +176,7 @@ def _paths(
         return np.moveaxis(xy, 0, 2), None
     if not has_paths(task):
         return None, None
-    stores = [store.numpy() for store in rollout.frames.stores]
+    stores = [store.numpy() for store in rollout.observations.stores]
     obs = np.stack([store[rollout.index[:, s]] for s, store in enumerate(stores)])  # (S, T+1, E, O)
     target, gap = obs[..., 4:6], obs[..., 8:10]  # the gap is fingertip − target
     seen = np.concatenate([rollout.valid[:1], rollout.valid]).transpose(1, 0, 2)[..., None]
@@ -190,5 +190,5 @@ def _sights(rollout: Rollout) -> list[list[Any]]:
             each(lambda part, rows: part.numpy()[rows], store, after[valid])
             for after, valid in zip(rollout.index[1:, s].T, rollout.valid[:, s].T, strict=True)
         ]
-        for s, store in enumerate(rollout.frames.stores)
+        for s, store in enumerate(rollout.observations.stores)
     ]

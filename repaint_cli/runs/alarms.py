@@ -47,7 +47,7 @@ def alarms_of(
         rule: of selection; for `auto` it is no alarm to keep nothing.
     """
     found = [] if len(before) else [*_of_the_scale(report)]
-    if "kept_reward" in report.stats.numbers:
+    if "kept_reward" in report.stats.metrics:
         found += [*_of_the_kept(report, rule), *_of_the_teachers(report)]
         found += _of_the_outcome(report, before[-1:])
     if reference is not None:
@@ -69,7 +69,7 @@ def _of_the_scale(report: Report) -> Iterator[tuple[str, str]]:
 
 
 def _of_the_kept(report: Report, rule: str) -> Iterator[tuple[str, str]]:
-    numbers = report.stats.numbers
+    numbers = report.stats.metrics
     kept, own = numbers["kept_reward"], numbers["student_reward"]
     worse = kept < own  # not where nothing was kept: kept is nan
     if not numbers["kept_fraction"].any():
@@ -138,7 +138,7 @@ def _of_the_reference(
 
 def _mean(report: Report, name: str) -> float:
     """Return a number's mean over the seeds that have it, nan if none has."""
-    known = report.stats.numbers.get(name, np.empty(0))
+    known = report.stats.metrics.get(name, np.empty(0))
     known = known[np.isfinite(known)]
     return float(known.mean()) if len(known) else float("nan")
 

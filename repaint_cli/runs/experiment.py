@@ -17,11 +17,12 @@ from repaint_cli.files.atomic import alone_in, as_json, write_text
 from repaint_cli.learn import ppo, q_learning
 from repaint_cli.learn.evaluation import evaluate, has_paths, spaces_of
 from repaint_cli.learn.learner import Learner
+from repaint_cli.learn.transfer.courses import course_of
 from repaint_cli.policies.networks import ActorCritic
 from repaint_cli.provenance import Origin, versions
 from repaint_cli.runs import evaluations
 from repaint_cli.runs.alarms import Alarm, alarms_of, reference_beside
-from repaint_cli.runs.measuring import check_episodes, inform, measure
+from repaint_cli.runs.measuring import begin, check_episodes, inform
 from repaint_cli.runs.metrics import Report, append_csv
 from repaint_cli.runs.plan import Plan
 from repaint_cli.runs.reader import read_run
@@ -69,6 +70,7 @@ class Experiment:
         paths = plan.teachers if method.needs_teacher else ()
         beside = int(plan.algorithm == "q-learning")
         self.staff = load_staff(paths, plan.acting, task, spaces, len(plan.seeds), beside)
+        self.course = course_of(task, self.staff.teachers, len(plan.seeds))
         if method.warm_start:
             warm_start(student, self.staff, task)
         beside_it = reference_beside(plan.folder, task, plan.algorithm)
@@ -83,7 +85,7 @@ class Experiment:
         if resume:
             self._origin = Origin.of(read_run(plan.folder).record)
             torch.set_num_threads(self._origin.threads)  # sums in another order are other sums
-            self.past = find_past(plan, self.staff, self.learner)
+            self.past = find_past(plan, self.staff, self.learner, self.course)
             changed = self._origin.go_on(self.learner.iteration)
             self.notices = [*self.past.notices, *changed]
         else:
@@ -115,13 +117,12 @@ class Experiment:
         self._settle()
         self._write_record("running")
         try:
-            if task.automatic and self.staff.teachers and not learner.measured:
-                measure(task, learner, self.staff.teachers)
-            for stats in ALGORITHMS[self.plan.algorithm](task, learner, self.staff.teachers):
+            begin(task, learner, self.course)
+            for stats in ALGORITHMS[self.plan.algorithm](task, learner, self.course):
                 k = stats.iteration
                 with telling_where(learner.seeds, f"evaluation after iteration {k}"):
                     episodes = evaluate(learner.student, task, learner.seeds, task.eval.episodes, k)
-                inform(task, learner, stats, episodes)
+                inform(learner, self.course, stats, episodes)
                 report = Report(stats, episodes, perf_counter() - started)
                 self._record(report)
                 yield report
@@ -147,7 +148,7 @@ class Experiment:
         self.newest_alarms = alarms_of(report, past.returns, self.reference, rule)
         past.see(k, report.evaluation.returns, self.newest_alarms)
         past.seconds, past.logs = report.seconds, [log.position for log in self._logs]
-        save_checkpoint(self.plan, self.staff, self.learner, past)
+        save_checkpoint(self.plan, self.staff, self.learner, self.course, past)
         self._keep_best()
 
     def _keep_best(self) -> None:
@@ -170,7 +171,7 @@ class Experiment:
         """Go back to the last iteration that is on disk as a whole."""
         if (self.plan.folder / CHECKPOINT).is_file():
             seconds = self.past.seconds
-            self.past = find_past(self.plan, self.staff, self.learner)
+            self.past = find_past(self.plan, self.staff, self.learner, self.course)
             self.past.seconds = seconds
         else:
             self.learner.iteration = 0  # what it has learned is nowhere

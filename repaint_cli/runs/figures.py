@@ -15,7 +15,7 @@ from repaint_cli.envs.racer.track.files import load_track
 from repaint_cli.envs.racer.training_figures import plot_heatmap, plot_progress
 from repaint_cli.envs.simulator import GymEnv, RacerEnv
 from repaint_cli.learn.evaluation import Episodes
-from repaint_cli.learn.rollout.observations import parts
+from repaint_cli.learn.rollout.observations import arrays_of
 from repaint_cli.report.curves import plot_curves
 from repaint_cli.report.paths import Paths
 from repaint_cli.report.video import write_video
@@ -156,7 +156,7 @@ def _replay(played: Episodes, e: int) -> Episode:
 
 def _drive(played: Episodes, e: int) -> Drive:
     assert played.sights is not None
-    images, *ranges = parts(played.sights[0][e])
+    images, *ranges = arrays_of(played.sights[0][e])
     steps = played.lengths[0, e]
     state = {name: rows[:steps, 0, e] for name, rows in played.records.items()}
     ahead = NOSE * np.stack([np.cos(state["heading"]), np.sin(state["heading"])], -1)

@@ -12,7 +12,7 @@ import numpy as np
 from repaint_cli.errors import CheckpointError
 from repaint_cli.files.atomic import write_text, written_to
 from repaint_cli.learn.evaluation import Episodes
-from repaint_cli.learn.ppo import IterationStats
+from repaint_cli.learn.stats import IterationStats
 
 COLUMNS = (
     "iteration", "seed", "phase", "env_steps", "eval_return", "eval_return_std", "eval_length",
@@ -37,7 +37,7 @@ class Report:
     @property
     def rows(self) -> list[dict[str, Any]]:
         """The rows of metrics.csv but for the seed's name, one per seed."""
-        played, numbers = self.evaluation, self.stats.numbers
+        played, numbers = self.evaluation, self.stats.metrics
         per_seed = numbers | {
             "eval_return": played.returns.mean(1),
             "eval_return_std": played.returns.std(1),

@@ -23,6 +23,7 @@ from repaint_cli.files.atomic import (
     written_whole,
 )
 from repaint_cli.learn.learner import Learner
+from repaint_cli.learn.transfer.course import Course
 from repaint_cli.runs import evaluations
 from repaint_cli.runs.alarms import IN_A_ROW, Alarm
 from repaint_cli.runs.checkpoint import load_learner, save_learner
@@ -130,7 +131,7 @@ def claim(folder: Path, record: Mapping[str, Any]) -> None:
         shutil.rmtree(beginning, ignore_errors=True)
 
 
-def save_checkpoint(plan: Plan, staff: Staff, learner: Learner, past: Past) -> None:
+def save_checkpoint(plan: Plan, staff: Staff, learner: Learner, course: Course, past: Past) -> None:
     """Write all that the run is after an iteration; keep as many earlier ones as asked.
 
     Raises:
@@ -139,7 +140,7 @@ def save_checkpoint(plan: Plan, staff: Staff, learner: Learner, past: Past) -> N
     path = plan.folder / CHECKPOINT
     if plan.keep > 1 and path.is_file():
         _copy(path, plan.folder / EARLIER.replace("*", f"{learner.iteration - 1:05}"))
-    save_learner(path, learner, {"run": _identity(plan, staff), "past": past.record()})
+    save_learner(path, learner, course, {"run": _identity(plan, staff), "past": past.record()})
     for old in _earlier(plan.folder)[plan.keep - 1 :]:
         _remove(old)
 
@@ -164,8 +165,8 @@ def _remove(path: Path) -> None:
         path.unlink(missing_ok=True)
 
 
-def find_past(plan: Plan, staff: Staff, learner: Learner) -> Past:
-    """Put a learner back to the end of a run's last whole iteration; return what else was.
+def find_past(plan: Plan, staff: Staff, learner: Learner, course: Course) -> Past:
+    """Put a learner and its course back to a run's last whole iteration; return what else was.
 
     A run that was stopped before its first checkpoint begins anew. Where the newest checkpoint is
     damaged, the newest whole one of those kept counts.
@@ -180,7 +181,7 @@ def find_past(plan: Plan, staff: Staff, learner: Learner) -> Past:
     problems = []
     for each in (path, *earlier):
         try:
-            notes = load_learner(each, learner)
+            notes = load_learner(each, learner, course)
             past = Past.of(notes, each)
         except CheckpointError as error:
             problems.append(error)

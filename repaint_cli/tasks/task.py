@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import Field, ValidationError, field_validator, model_validator
+from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from repaint_cli.envs.simulator import GymEnv, RacerEnv
 from repaint_cli.errors import CardError, NotFound
@@ -75,6 +76,16 @@ class TaskCard(Settings):
         if not any(weights.values()):
             raise ValueError("at least one weight must differ from 0")
         return weights
+
+    @field_validator("transfer")
+    @classmethod
+    def _method_decides(cls, transfer: TransferConfig) -> TransferConfig:
+        """Refuse joint updates on a card: which parts of REPAINT are on is the method's matter."""
+        if transfer.joint:
+            found = PydanticCustomError("joint", "expected False; use --method repaint-joint")
+            where = InitErrorDetails(type=found, loc=("joint",), input=True)
+            raise ValidationError.from_exception_data(cls.__name__, [where])
+        return transfer
 
     @model_validator(mode="after")
     def _code_is_for_the_racer(self) -> "TaskCard":
