@@ -26,10 +26,11 @@ OBS, ACTIONS, SAMPLES, NUMBERS = 27, 8, 2048, 4096
 def step(compiled: bool, width: int = 64, own_blas_threads: bool = False) -> float:
     """Return the time of a gradient step."""
     from repaint_cli.learn.rollout.gae import Samples
-    from repaint_cli.learn.rollout.observations import Frames
+    from repaint_cli.learn.rollout.observations import Observations
     from repaint_cli.learn.update.adam import RowAdam
-    from repaint_cli.learn.update.compiled import update as compiled
-    from repaint_cli.learn.update.epochs import learn_on_policy
+    from repaint_cli.learn.update.compiled import update as compiled_update
+    from repaint_cli.learn.update.spec import UpdateSpec
+    from repaint_cli.learn.update.update import update
     from repaint_cli.policies.architecture import NetConfig
     from repaint_cli.policies.networks import ActorCritic
     from repaint_cli.policies.spaces import Spaces
@@ -42,15 +43,18 @@ def step(compiled: bool, width: int = 64, own_blas_threads: bool = False) -> flo
     optimizer, draw = RowAdam(student, 3e-4), partial(torch.randn, generator=torch.manual_seed(0))
     each = [draw(1, SAMPLES) for _ in range(4)]
     samples = Samples(
-        Frames([draw(SAMPLES, OBS)]), torch.arange(SAMPLES).unsqueeze(0),
+        Observations([draw(SAMPLES, OBS)]), torch.arange(SAMPLES).unsqueeze(0),
         draw(1, SAMPLES, ACTIONS), *each, torch.tensor([SAMPLES]),
     )  # fmt: skip
     ppo = PPOConfig(compiled=compiled)
+    spec = UpdateSpec(ppo, ppo.clip_range)
     free = Mock(limit=lambda limits: nullcontext())
-    with patch.object(compiled, "_blas", lambda: free) if own_blas_threads else nullcontext():
+    with (
+        patch.object(compiled_update, "_blas", lambda: free) if own_blas_threads else nullcontext()
+    ):
         for _ in range(2):  # the first compiles
             started = perf_counter()
-            learn_on_policy(student, optimizer, samples, ppo, [np.random.default_rng(0)])
+            update(student, optimizer, samples, spec, [np.random.default_rng(0)])
             taken = perf_counter() - started
     return 1e6 * taken / (ppo.n_epochs * SAMPLES / ppo.minibatch_size)
 

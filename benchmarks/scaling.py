@@ -26,6 +26,7 @@ def training(n_seeds: int = 1, n_steps: int = 2048, n_envs: int = 40) -> float:
     from repaint_cli.learn.evaluation import spaces_of
     from repaint_cli.learn.learner import Learner
     from repaint_cli.learn.ppo import train
+    from repaint_cli.learn.transfer.courses import course_of
     from repaint_cli.policies.networks import ActorCritic
     from repaint_cli.tasks.card_files import read_task
 
@@ -33,7 +34,7 @@ def training(n_seeds: int = 1, n_steps: int = 2048, n_envs: int = 40) -> float:
     card = read_task("reacher").with_settings(settings)
     student = ActorCritic(spaces_of(card), card.net, n_seeds)
     learner = Learner.fresh(student, list(range(n_seeds)), card.ppo.learning_rate)
-    iterations = train(card, learner)
+    iterations = train(card, learner, course_of(card, (), n_seeds))
     next(iterations)
     started, count = perf_counter(), 3
     for _ in islice(iterations, count):
@@ -67,6 +68,7 @@ def memory(n_seeds: int) -> float:
     """Return the largest resident memory of camera training, MB: 20 laps a seed, one epoch."""
     from repaint_cli.learn.learner import Learner
     from repaint_cli.learn.ppo import train
+    from repaint_cli.learn.transfer.courses import course_of
     from repaint_cli.tasks.card_files import read_task
     from repaint_cli.zoo import store
 
@@ -75,7 +77,7 @@ def memory(n_seeds: int) -> float:
     card = read_task("racer-inner").with_settings(["ppo.n_epochs=1"])
     learner = Learner.fresh(student, list(range(n_seeds)), card.ppo.learning_rate)
     student.storage.copy_(weights)  # who drives whole laps sees some 7,000 images a seed
-    for _ in islice(train(card, learner), 2):
+    for _ in islice(train(card, learner, course_of(card, (), n_seeds)), 2):
         pass
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 

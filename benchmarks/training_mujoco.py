@@ -67,13 +67,14 @@ def repaint(task: str, n_seeds: int, compiled: bool) -> float:
     from repaint_cli.learn.evaluation import spaces_of
     from repaint_cli.learn.learner import Learner
     from repaint_cli.learn.ppo import train
+    from repaint_cli.learn.transfer.courses import course_of
     from repaint_cli.policies.networks import ActorCritic
     from repaint_cli.tasks.card_files import read_task
 
     card = read_task(task).with_settings([f"ppo.compiled={str(compiled).lower()}"])
     student = ActorCritic(spaces_of(card), card.net, n_seeds)
     learner = Learner.fresh(student, list(range(n_seeds)), card.ppo.learning_rate)
-    iterations = train(card, learner)
+    iterations = train(card, learner, course_of(card, (), len(learner.seeds)))
     next(iterations)
     started = perf_counter()
     for _ in islice(iterations, ITERATIONS[task]):

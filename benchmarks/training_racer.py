@@ -90,11 +90,12 @@ def repaint(pool: int) -> float:
     from repaint_cli.learn.evaluation import spaces_of
     from repaint_cli.learn.learner import Learner
     from repaint_cli.learn.ppo import train
+    from repaint_cli.learn.transfer.courses import course_of
     from repaint_cli.policies.networks import ActorCritic
 
     card = read_task("racer-inner").with_settings([f"net.pool={pool}"])
     learner = Learner.fresh(ActorCritic(spaces_of(card), card.net, 1), [0], 3e-4)
-    iterations = train(card, learner)
+    iterations = train(card, learner, course_of(card, (), len(learner.seeds)))
     next(iterations)
     before, started = learner.env_steps.sum(), perf_counter()
     next(iterations), next(iterations)

@@ -16,7 +16,6 @@ from pydantic import (
     Field,
     NonNegativeFloat,
     ValidationError,
-    field_validator,
     model_validator,
 )
 
@@ -163,13 +162,6 @@ class TransferConfig(Settings):
         if isinstance(self.kickstart_coef, tuple):
             return self.kickstart_coef
         return (self.kickstart_coef / n_teachers,) * n_teachers
-
-    @field_validator("joint")
-    @classmethod
-    def _method_decides(cls, joint: bool) -> bool:
-        if joint:
-            raise ValueError("expected False; use --method repaint-joint")
-        return joint
 
 
 class SelectConfig(Settings):

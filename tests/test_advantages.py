@@ -9,7 +9,7 @@ from torch.testing import assert_close
 from repaint_cli.learn.rollout import gae as module
 from repaint_cli.learn.rollout.batches import front
 from repaint_cli.learn.rollout.gae import Samples, describe, gae, to_samples
-from repaint_cli.learn.rollout.observations import Frames
+from repaint_cli.learn.rollout.observations import Observations
 from repaint_cli.learn.rollout.storage import Rollout
 from repaint_cli.policies.architecture import NetConfig
 from repaint_cli.policies.networks import ActorCritic
@@ -31,7 +31,9 @@ def rolled(obs, rewards, *, terminated=(), truncated=(), invalid=()):
     for s in range(obs.shape[1]):
         index[:, s] = np.arange(index[:, s].size).reshape(index[:, s].shape)
     return Rollout(
-        frames=Frames([torch.from_numpy(obs[:, s].reshape(-1, 1)) for s in range(obs.shape[1])]),
+        observations=Observations(
+            [torch.from_numpy(obs[:, s].reshape(-1, 1)) for s in range(obs.shape[1])]
+        ),
         index=index,
         actions=rewards[..., None].astype(np.float32),
         behavior_log_probs=rewards.astype(np.float32),
@@ -59,7 +61,7 @@ def critic(obs, counts):
 def samples_of(n_seeds=2, n=6, counts=None, seed=0):
     rng = np.random.default_rng(seed)
     floats = [torch.from_numpy(rng.normal(size=(n_seeds, n)).astype(np.float32)) for _ in range(4)]
-    frames = Frames([torch.from_numpy(rng.normal(size=(9, 3)).astype(np.float32))] * n_seeds)
+    frames = Observations([torch.from_numpy(rng.normal(size=(9, 3)).astype(np.float32))] * n_seeds)
     rows = torch.from_numpy(rng.integers(9, size=(n_seeds, n)))
     actions = torch.from_numpy(rng.normal(size=(n_seeds, n, 2)).astype(np.float32))
     return Samples(frames, rows, actions, *floats, torch.tensor(counts or [n] * n_seeds))
@@ -169,7 +171,7 @@ def test_every_sample_keeps_what_belongs_to_it_and_seeds_may_have_unequal_number
     rollout = rolled(obs, rewards, invalid=[(0, 1, 0), (1, 1, 1)])
     samples = to_samples(rollout, critic, ppo(0.9, 0.9))
     assert samples.counts.tolist() == [4, 2]
-    seen = samples.frames.take(samples.rows)[..., 0]
+    seen = samples.observations.take(samples.rows)[..., 0]
     expected = torch.tensor([[0.0, 1.0, 4.0, 5.0], [3.0, 6.0, 0, 0]])
     real = samples.mask
     for found in (seen, samples.rewards - 100, samples.behavior_log_probs - 100):
@@ -210,7 +212,7 @@ def test_a_network_sees_a_rollout_of_images_in_parts_and_says_the_same(monkeypat
     rng = np.random.default_rng(0)
     stores = [torch.from_numpy(rng.integers(0, 256, (n, 12, 12, 1), np.uint8)) for n in (11, 6)]
     rollout = rolled(np.zeros((6, 2, 1)), np.ones((5, 2, 1)), invalid=[(3, 1, 0), (4, 1, 0)])
-    rollout = Rollout(**vars(rollout) | {"frames": Frames(stores)})
+    rollout = Rollout(**vars(rollout) | {"observations": Observations(stores)})
     tables, looked = [], []
 
     def value(obs, counts):
@@ -249,12 +251,12 @@ def test_the_first_samples_of_each_seed():
 
 def test_batches_together_keep_order_and_what_each_sample_saw():
     parts = [samples_of(counts=[6, 2], seed=1), samples_of(counts=[1, 5], seed=2)]
-    whole = Samples.together(parts)
+    whole = Samples.concatenate(parts)
     assert whole.counts.tolist() == [7, 7]
     for s in range(2):
         for name in ("actions", "advantages", "rewards"):
             rows = [getattr(part, name)[s, : part.counts[s]] for part in parts]
             assert torch.equal(getattr(whole, name)[s], torch.cat(rows))
-        seen = [part.frames.take(part.rows)[s, : part.counts[s]] for part in parts]
-        assert torch.equal(whole.frames.take(whole.rows)[s], torch.cat(seen))
-    assert Samples.together(parts[:1]) is parts[0]
+        seen = [part.observations.take(part.rows)[s, : part.counts[s]] for part in parts]
+        assert torch.equal(whole.observations.take(whole.rows)[s], torch.cat(seen))
+    assert Samples.concatenate(parts[:1]) is parts[0]

@@ -5,13 +5,21 @@ import numpy as np
 import pytest
 import torch
 from numpy.testing import assert_allclose, assert_array_equal
-from small_learners import learner_of, stranger, taught_by, transferring, with_transfer
+from small_learners import (
+    course_for,
+    instances_from,
+    learner_of,
+    stranger,
+    taught_by,
+    training,
+    transferring,
+    with_transfer,
+)
 from small_tasks import guess, reach
 from test_selection import batch
 
 from repaint_cli.learn.ppo import train
-from repaint_cli.learn.transfer.measured import Measured, mean_and_error
-from repaint_cli.learn.transfer.teachers import transfer_instances
+from repaint_cli.learn.transfer.measurements import Measurements, mean_and_error
 from repaint_cli.runs.plan import Plan
 from repaint_cli.settings import TransferConfig
 from repaint_cli.tasks.methods import METHODS
@@ -24,13 +32,13 @@ def returns(*means, spread=0.0, n=4):
 
 
 def measured(own=-10.0, taught=(-4.0,), spread=0.0):
-    return Measured(returns(own, spread=spread), [returns(t, spread=spread) for t in taught])
+    return Measurements(returns(own, spread=spread), [returns(t, spread=spread) for t in taught])
 
 
 def after(found, *own, spread=0.0, steps=100.0):
     """Two evaluations alike: the student's return is the mean of the last two."""
     for _ in range(2):
-        found.see_student(returns(*own, spread=spread), steps, "ppo")
+        found.add_evaluation(returns(*own, spread=spread), steps, "ppo")
     return found
 
 
@@ -75,13 +83,13 @@ def test_several_teachers_share_1_each_by_its_own_lead():
 def test_the_transfer_ends_when_two_own_iterations_in_a_row_had_no_beta():
     found = measured()
     for betas, ended in ((0, False), (1, False), (0, False), (0, True)):
-        found.note(np.array([[betas]]))
+        found.add_betas(np.array([[betas]]))
         assert found.ended == ended
 
 
 def test_the_share_that_is_kept_by_hand():
     found = measured()
-    found.see_advantages(batch([0.0, 1.0, 2.0, 3.0]))
+    found.add_advantages(batch([0.0, 1.0, 2.0, 3.0]))
     for theirs, share in (([5.0, 6.0], 1.0), ([-5.0, -6.0], 0.0), ([1.0, 2.0], 0.0)):
         assert found.shares(batch(theirs)).item() == pytest.approx(share, abs=0.02)
     # of quantiles from 0 to 3, half lie below 1.5: P(Â′ > Â) = (½ + 1)/2
@@ -90,33 +98,33 @@ def test_the_share_that_is_kept_by_hand():
 
 def test_nothing_is_kept_of_a_teacher_without_a_lead():
     found = measured()
-    found.see_advantages(batch([0.0, 1.0]))
-    found.note(np.array([[0.0]]))
+    found.add_advantages(batch([0.0, 1.0]))
+    found.add_betas(np.array([[0.0]]))
     assert found.shares(batch([])).item() == 0  # samples of those who do not lead are left out
-    assert not found.instance_next()
+    assert not found.instances_pay()
 
 
 def test_instances_stop_once_they_clearly_gain_less():
     found = measured(own=-10.0)
-    assert found.instance_next()
+    assert found.instances_pay()
     for own, instance in ((-9.0, False), (-9.0, True), (-8.0, False), (-8.0, True)):
-        found.see_student(returns(own), 100.0, "instance" if instance else "ppo")
-    assert not found.instance_next()  # 1 in each own iteration, 0 in each with instances
+        found.add_evaluation(returns(own), 100.0, "instance" if instance else "ppo")
+    assert not found.instances_pay()  # 1 in each own iteration, 0 in each with instances
     again = measured(own=-10.0)
     for own, instance in ((-9.0, False), (-7.0, True), (-6.0, False), (-4.0, True)):
-        again.see_student(returns(own), 100.0, "instance" if instance else "ppo")
-    assert again.instance_next()
+        again.add_evaluation(returns(own), 100.0, "instance" if instance else "ppo")
+    assert again.instances_pay()
 
 
 def test_all_that_was_measured_can_be_kept():
     found = after(measured(own=-10, taught=(-4, -5)), -7.0)
-    found.see_advantages(batch([0.0, 1.0, 2.0]))
-    found.note(np.array([[0.5], [0.0]]))
+    found.add_advantages(batch([0.0, 1.0, 2.0]))
+    found.add_betas(np.array([[0.5], [0.0]]))
     for state in (found.state(), (found.shares(batch([1.0])), found.state())[1]):
-        again = Measured.load({name: part.clone() for name, part in state.items()})
+        again = Measurements.of_state({name: part.clone() for name, part in state.items()})
         assert again.state().keys() == state.keys()
         assert all(torch.equal(again.state()[name], part) for name, part in state.items())
-    assert again.instance_next() == found.instance_next()
+    assert again.instances_pay() == found.instances_pay()
 
 
 def automatic(task, **more):
@@ -127,16 +135,23 @@ def automatic(task, **more):
     )
 
 
+def course_with(task, learner, teachers, own, *taught):
+    """The course of an automatic transfer that has begun with these mean returns."""
+    course = course_for(task, learner, teachers)
+    course.measurements = Measurements(returns(*own), [returns(*means) for means in taught])
+    return course
+
+
 @pytest.mark.parametrize("make", [reach, guess])
 def test_a_teacher_in_the_lead_teaches_until_the_student_has_passed_it(make):
     task = automatic(make(n_iterations=9))
     learner = learner_of(task, [0, 1])
-    learner.measured = Measured(returns(0.0, 0.0), [returns(6.0, 6.0)])
+    course = course_with(task, learner, taught_by(stranger(task, 2)), (0.0, 0.0), (6.0, 6.0))
     told = []
-    for stat in train(task, learner, taught_by(stranger(task, 2))):
-        told.append((stat.phase, stat.numbers.get("kickstart_coef", np.zeros(2)).tolist()))
+    for stat in train(task, learner, course):
+        told.append((stat.phase, stat.metrics.get("kickstart_coef", np.zeros(2)).tolist()))
         own = 0.0 if stat.iteration < 4 else 9.0
-        learner.measured.see_student(returns(own, own), stat.steps, stat.phase)
+        course.measurements.add_evaluation(returns(own, own), stat.steps, stat.phase)
     phases = [phase for phase, _ in told]
     assert phases[0] == "representation"
     assert told[0][1] == [1, 1]
@@ -149,9 +164,9 @@ def test_a_teacher_in_the_lead_teaches_until_the_student_has_passed_it(make):
 def test_a_teacher_that_never_leads_leaves_scratch_bit_for_bit():
     task = reach(n_iterations=4)
     scratch, taught = learner_of(task, [0]), learner_of(task, [0])
-    taught.measured = Measured(returns(0.0), [returns(-6.0)])
-    list(train(task, scratch))
-    stats = list(train(automatic(task), taught, taught_by(stranger(task))))
+    course = course_with(automatic(task), taught, taught_by(stranger(task)), (0.0,), (-6.0,))
+    list(training(task, scratch))
+    stats = list(train(automatic(task), taught, course))
     assert torch.equal(scratch.student.storage, taught.student.storage)
     assert [stat.phase for stat in stats] == ["ppo"] * 4
 
@@ -159,33 +174,32 @@ def test_a_teacher_that_never_leads_leaves_scratch_bit_for_bit():
 def test_each_seed_has_a_beta_of_its_own_and_seeds_stay_apart():
     task = automatic(reach(n_iterations=1))
     learner, alone = learner_of(task, [0, 1]), learner_of(task, [1])
-    learner.measured = Measured(returns(0.0, 3.0), [returns(6.0, 6.0)])
-    alone.measured = Measured(returns(3.0), [returns(6.0)])
-    learner.measured.random = mean_and_error(returns(0.0, 0.0))
-    alone.measured.random = mean_and_error(returns(0.0))
-    (stat,) = train(task, learner, taught_by(stranger(task, 2)))
-    list(train(task, alone, taught_by(stranger(task))))
-    assert_allclose(stat.numbers["kickstart_coef"], [1.0, 0.5])
+    course = course_with(task, learner, taught_by(stranger(task, 2)), (0.0, 3.0), (6.0, 6.0))
+    course_alone = course_with(task, alone, taught_by(stranger(task)), (3.0,), (6.0,))
+    course.measurements.random = mean_and_error(returns(0.0, 0.0))
+    course_alone.measurements.random = mean_and_error(returns(0.0))
+    (stat,) = train(task, learner, course)
+    list(train(task, alone, course_alone))
+    assert_allclose(stat.metrics["kickstart_coef"], [1.0, 0.5])
     assert_allclose(learner.student.storage[1], alone.student.storage[0], rtol=1e-4, atol=1e-5)
 
 
 def test_a_cosine_that_is_not_positive_is_believed():
     task = automatic(reach(n_iterations=1))
     learner = learner_of(task, [0])
-    learner.measured = Measured(returns(0.0), [returns(6.0)])
     opposed = [replace(teacher, cosine=-1.0) for teacher in taught_by(stranger(task))]
-    (stat,) = train(task, learner, opposed)
+    (stat,) = train(task, learner, course_with(task, learner, opposed, (0.0,), (6.0,)))
     assert stat.phase == "ppo"
 
 
 def test_of_several_teachers_only_those_in_the_lead_give_samples():
     task = automatic(reach(n_iterations=1))
     learner = learner_of(task, [0, 1])
-    learner.measured = Measured(returns(0.0, 0.0), [returns(6.0, 6.0), returns(-6.0, 6.0)])
-    learner.measured.note(learner.measured.betas([None, None]))
-    learner.measured.quantiles[:] = -1e9  # everything surpasses the students'
     both = taught_by(stranger(task, 2, seed=5), stranger(task, 2, seed=6))
-    kept, _ = transfer_instances(task, learner, both, 2)
+    course = course_with(task, learner, both, (0.0, 0.0), (6.0, 6.0), (-6.0, 6.0))
+    course.measurements.add_betas(course.measurements.betas([None, None]))
+    course.measurements.quantiles[:] = -1e9  # everything surpasses the students'
+    kept, _ = instances_from(task, learner, both, 2, course)
     assert kept.counts.tolist() == [36, 72]
 
 
@@ -194,27 +208,27 @@ def test_a_part_that_is_automatic_alone_ends_too(rule):
     task = reach(n_iterations=6, select={"rule": rule, "threshold": -1e9})
     task = with_transfer(task, transferring(phases="auto", iterations=99))
     learner = learner_of(task, [0])
-    learner.measured = Measured(returns(0.0), [returns(-6.0)])
-    stats = list(train(task, learner, taught_by(stranger(task))))
-    assert learner.measured.ended
+    course = course_with(task, learner, taught_by(stranger(task)), (0.0,), (-6.0,))
+    stats = list(train(task, learner, course))
+    assert course.ended
     assert {stat.phase for stat in stats[2:]} == {"ppo"}
 
 
 def test_a_joint_transfer_ends():
     task = automatic(reach(n_iterations=4), joint=True)
     learner = learner_of(task, [0])
-    learner.measured = Measured(returns(0.0), [returns(-6.0)])
-    stats = list(train(task, learner, taught_by(stranger(task))))
+    course = course_with(task, learner, taught_by(stranger(task)), (0.0,), (-6.0,))
+    stats = list(train(task, learner, course))
     assert stats[-1].phase == "ppo"
 
 
 def test_once_it_has_ended_alpha_1_scales_nothing():
     task = automatic(reach(n_iterations=3), alpha_1=0.1, alpha_power=0.5)
     scratch, taught = learner_of(task, [0]), learner_of(task, [0])
-    taught.measured = Measured(returns(0.0), [returns(-6.0)])
-    taught.measured.idle = 2
-    list(train(reach(n_iterations=3), scratch))
-    list(train(task, taught, taught_by(stranger(task))))
+    course = course_with(task, taught, taught_by(stranger(task)), (0.0,), (-6.0,))
+    course.measurements.idle = 2
+    list(training(reach(n_iterations=3), scratch))
+    list(train(task, taught, course))
     assert torch.equal(scratch.student.storage, taught.student.storage)
 
 
@@ -224,10 +238,10 @@ def test_who_acts_and_how_much_depends_on_no_other_seed():
     kept = []
     for leading in ([[True, False], [False, True]], [[True, False], [False, False]]):
         learner = learner_of(task, [0, 1])
-        learner.measured = Measured(returns(0.0, 0.0), [returns(6.0, 6.0)] * 2)
-        learner.measured.leading = np.array(leading)
-        learner.measured.quantiles[:] = -1e9
-        kept.append(transfer_instances(task, learner, taught_by(*both), 2)[0])
+        course = course_with(task, learner, taught_by(*both), (0.0, 0.0), *[(6.0, 6.0)] * 2)
+        course.measurements.leading = np.array(leading)
+        course.measurements.quantiles[:] = -1e9
+        kept.append(instances_from(task, learner, taught_by(*both), 2, course)[0])
     assert kept[0].counts.tolist() == [36, 36]
     assert kept[1].counts.tolist() == [36, 0]
     assert torch.equal(kept[0].actions[0], kept[1].actions[0, :36])
@@ -250,7 +264,7 @@ def test_what_is_not_used_is_not_measured(method, algorithm, automatic):
 
 def test_while_the_critic_warms_up_nothing_is_gained_or_lost():
     found = measured()
-    found.see_student(returns(-9.0), 100.0, "critic")
+    found.add_evaluation(returns(-9.0), 100.0, "critic")
     assert found.gains == {False: [], True: []}
 
 

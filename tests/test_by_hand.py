@@ -7,16 +7,16 @@ import numpy as np
 import pytest
 import torch
 from numpy.testing import assert_allclose
+from small_learners import learn_from_instances, learn_on_policy
 from torch.testing import assert_close
 
 from repaint_cli.errors import DivergedError
 from repaint_cli.learn.rollout.gae import Samples
-from repaint_cli.learn.rollout.observations import Frames
+from repaint_cli.learn.rollout.observations import Observations
 from repaint_cli.learn.update import epochs
 from repaint_cli.learn.update.adam import RowAdam
 from repaint_cli.learn.update.compiled import update as compiled
 from repaint_cli.learn.update.compiled.kernels import tanh
-from repaint_cli.learn.update.epochs import learn_from_instances, learn_on_policy
 from repaint_cli.policies.architecture import NetConfig
 from repaint_cli.policies.distributions import Categorical, Gaussian
 from repaint_cli.policies.networks import ActorCritic
@@ -65,7 +65,7 @@ def samples(discrete, *counts, net=NET, seed=0):
     with torch.no_grad():
         log_probs = learner(discrete, net, len(counts))[0].policy(obs).log_prob(actions)
     return Samples(
-        frames=Frames(list(obs)),
+        observations=Observations(list(obs)),
         rows=torch.arange(longest).repeat(len(counts), 1),
         actions=actions,
         behavior_log_probs=log_probs + 0.3 * draw(),
@@ -91,7 +91,10 @@ def rngs(n=3):
 def both(discrete, net, learn):
     """Learn twice, plain and by hand; return what each told and who learned."""
     told, learned = [], []
-    for ppo, by_other_means in ((PLAIN, patch.object(compiled, "learn")), (HAND, no_autograd())):
+    for ppo, by_other_means in (
+        (PLAIN, patch.object(compiled, "take_steps")),
+        (HAND, no_autograd()),
+    ):
         student, optimizer = learner(discrete, net)
         with by_other_means as never:
             told.append(learn(student, optimizer, ppo))
@@ -123,7 +126,7 @@ def test_a_step_has_the_gradients_of_the_plain_one(discrete, net, beta):
     def learn(student, optimizer, ppo):
         once = ppo.model_copy(update={"n_epochs": 1})
         return learn_on_policy(
-            student, optimizer, batch, once, rngs(), teacher=advice, beta=beta, rate=0.5
+            student, optimizer, batch, once, rngs(), teacher=advice, beta=beta, policy_scale=0.5
         )
 
     told, learned = both(discrete, net, learn)
@@ -152,7 +155,7 @@ def test_instances_move_policies_alone_and_a_seed_without_any_stays(discrete):
     batch = samples(discrete, 40, 0, 9)
 
     def learn(student, optimizer, ppo):
-        return learn_from_instances(student, optimizer, batch, ppo, rngs(), alpha_2=0.3)
+        return learn_from_instances(student, optimizer, batch, ppo, rngs(), policy_scale=0.3)
 
     told, learned = both(discrete, NET, learn)
     assert_same(told, learned)
@@ -180,7 +183,7 @@ def test_updates_of_both_kinds_may_take_turns(discrete):
 
 def test_a_joint_update_is_the_plain_one():
     batch, kept = samples(False, 20, 20, 20), samples(False, 5, 4, 3, seed=5)
-    with patch.object(compiled, "learn") as never:
+    with patch.object(compiled, "take_steps") as never:
         student, optimizer = learner(False)
         learn_on_policy(student, optimizer, batch, HAND, rngs(), instances=kept)
     never.assert_not_called()
@@ -245,7 +248,7 @@ def test_networks_without_tanh_learn_as_written(activation):
     net, batch = NET.model_copy(update={"activation": activation}), samples(False, 16, 16, 16)
     student, optimizer = learner(False, net)
     before = student.storage.clone()
-    with patch.object(compiled, "learn") as never:
+    with patch.object(compiled, "take_steps") as never:
         learn_on_policy(student, optimizer, batch, HAND, rngs())
         learn_from_instances(student, optimizer, batch, HAND, rngs())
     never.assert_not_called()

@@ -5,13 +5,14 @@ import pytest
 import torch
 from safetensors import safe_open
 from safetensors.torch import save_file
-from small_learners import learner_of, stranger, taught_by, with_transfer
+from small_learners import course_for, learner_of, stranger, taught_by, with_transfer
 from small_tasks import guess, reach
 
 from repaint_cli.errors import CheckpointError
 from repaint_cli.files.headers import KEY
 from repaint_cli.learn.ppo import train
-from repaint_cli.learn.transfer.measured import Measured
+from repaint_cli.learn.transfer.courses import Measured, Scheduled
+from repaint_cli.learn.transfer.measurements import Measurements
 from repaint_cli.learn.transfer.teachers import Teacher
 from repaint_cli.policies.weights import load, load_policy, policy_tensors, save
 from repaint_cli.runs.checkpoint import load_learner, load_networks, save_learner
@@ -32,45 +33,59 @@ def equal(one, other):
 def test_a_learner_saved_half_way_goes_on_bit_for_bit(tmp_path, make):
     select = {"scale": "student-batch", "threshold": 0.0}  # needs the student's last batch
 
-    def run(learner, n_iterations):
-        task = make(n_iterations=n_iterations, select=select)
-        list(train(with_transfer(task, TransferConfig()), learner, taught_by(stranger(task, 2))))
-        return learner
+    def begun():
+        learner = learner_of(make(), [3, 5])
+        task = with_transfer(make(select=select), TransferConfig())
+        return learner, course_for(task, learner, taught_by(stranger(task, 2)))
 
-    straight = run(learner_of(make(), [3, 5]), 4)
-    save_learner(tmp_path / "half", run(learner_of(make(), [3, 5]), 2), {})
-    resumed = learner_of(make(), [3, 5])
-    load_learner(tmp_path / "half", resumed)
+    def run(learner, course, n_iterations):
+        task = make(n_iterations=n_iterations, select=select)
+        list(train(with_transfer(task, TransferConfig()), learner, course))
+        return learner, course
+
+    straight, _ = run(*begun(), 4)
+    save_learner(tmp_path / "half", *run(*begun(), 2), {})
+    resumed, course = begun()
+    load_learner(tmp_path / "half", resumed, course)
     assert resumed.iteration == 2
-    run(resumed, 4)
+    run(resumed, course, 4)
     assert equal(copies(straight.student), copies(resumed.student))
     assert equal(straight.optimizer.state(), resumed.optimizer.state())
     assert straight.env_steps.tolist() == resumed.env_steps.tolist()
 
 
 def test_what_relevance_and_automatic_transfer_go_by_is_kept(tmp_path):
-    def run(learner, n_iterations):
+    def task_of(n_iterations):
         task = reach(n_iterations=n_iterations, select={"rule": "rbt", "share": 0.5})
-        teacher = Teacher(stranger(task, 2), weights=np.array([1.0, 0.5]))
-        list(train(with_transfer(task, TransferConfig()), learner, [teacher]))
-        return learner
+        return with_transfer(task, TransferConfig())
 
-    straight = run(learner_of(reach(), [3, 5]), 4)
-    half = run(learner_of(reach(), [3, 5]), 3)  # an instance iteration comes next
-    half.measured = Measured(np.zeros((2, 1)), [np.ones((2, 1))])
-    save_learner(tmp_path / "half", half, {})
-    resumed = learner_of(reach(), [3, 5])
-    load_learner(tmp_path / "half", resumed)
-    assert equal(resumed.measured.state(), half.measured.state())
-    resumed.measured = None
-    run(resumed, 4)
+    def begun(kind):
+        task, learner = task_of(4), learner_of(reach(), [3, 5])
+        return learner, kind(task, [Teacher(stranger(task, 2), weights=np.array([1.0, 0.5]))], 2)
+
+    def run(learner, course, n_iterations):
+        list(train(task_of(n_iterations), learner, course))
+        return learner, course
+
+    straight, _ = run(*begun(Scheduled), 4)
+    learner, half = run(*begun(Scheduled), 3)  # an instance iteration comes next
+    _, measured = begun(Measured)
+    measured.last = half.last
+    measured.measurements = Measurements(np.zeros((2, 1)), [np.ones((2, 1))])
+    save_learner(tmp_path / "half", learner, measured, {})
+    _, other = begun(Measured)
+    resumed, course = begun(Scheduled)
+    load_learner(tmp_path / "half", resumed, other)
+    assert equal(other.measurements.state(), measured.measurements.state())
+    load_learner(tmp_path / "half", resumed, course)
+    run(resumed, course, 4)
     assert equal(copies(straight.student), copies(resumed.student))
 
 
 @TASKS
 def test_networks_alone_can_be_read_from_a_learner(tmp_path, make):
     learner, other = learner_of(make(), [0, 1]), learner_of(make(), [7, 8])
-    save_learner(tmp_path / "file", learner, {})
+    save_learner(tmp_path / "file", learner, course_for(make(), learner), {})
     load_networks(tmp_path / "file", other.student)
     assert equal(copies(learner.student), copies(other.student))
 
@@ -83,9 +98,11 @@ def test_one_seeds_leaves_go_into_every_seed():
 
 
 def test_other_seeds_are_refused(tmp_path):
-    save_learner(tmp_path / "file", learner_of(reach(), [0, 1]), {})
+    learner, other = learner_of(reach(), [0, 1]), learner_of(reach(), [0, 2])
+    course = course_for(reach(), learner)
+    save_learner(tmp_path / "file", learner, course, {})
     with pytest.raises(CheckpointError, match=r"holds seeds \[0, 1\], wanted \[0, 2\]"):
-        load_learner(tmp_path / "file", learner_of(reach(), [0, 2]))
+        load_learner(tmp_path / "file", other, course)
 
 
 @pytest.mark.parametrize(

@@ -2,12 +2,12 @@ import numpy as np
 import pytest
 import torch
 
-from repaint_cli.learn.rollout.observations import BLOCK, Frames, Store, each
+from repaint_cli.learn.rollout.observations import BLOCK, Observations, ObservationStore, each
 
 
 @pytest.mark.parametrize("dtype", [np.uint8, np.float64])
 def test_a_store_holds_what_it_was_given_in_order_however_often_it_grows(dtype):
-    rng, store = np.random.default_rng(0), Store(np.zeros((2, 4, 3, 5), dtype))
+    rng, store = np.random.default_rng(0), ObservationStore(np.zeros((2, 4, 3, 5), dtype))
     pieces = [
         rng.integers(0, 255, (k, 3, 5)).astype(dtype) for k in (1, 0, 7, BLOCK, 2 * BLOCK + 9, 3)
     ]
@@ -20,11 +20,11 @@ def test_a_store_holds_what_it_was_given_in_order_however_often_it_grows(dtype):
 
 
 def test_a_store_of_nothing_is_empty():
-    assert Store(np.zeros((1, 1, 6))).tensor().shape == (0, 6)
+    assert ObservationStore(np.zeros((1, 1, 6))).tensor().shape == (0, 6)
 
 
 def test_what_was_given_away_cannot_move_any_more():
-    store = Store(np.zeros((1, 1, 2)))
+    store = ObservationStore(np.zeros((1, 1, 2)))
     store.append(np.ones((3, 2)))
     kept = store.tensor()
     with pytest.raises(AttributeError):
@@ -34,7 +34,7 @@ def test_what_was_given_away_cannot_move_any_more():
 
 def test_each_seed_has_stores_of_its_own_by_name():
     obs = {"camera": np.zeros((2, 3, 4, 4, 1), np.uint8), "lidar": np.zeros((2, 3, 8))}
-    stores = [each(Store, obs) for _ in range(2)]
+    stores = [each(ObservationStore, obs) for _ in range(2)]
     stores[0]["lidar"].append(np.ones((5, 8)))
-    frames = Frames([each(Store.tensor, store) for store in stores])
-    assert [len(store["lidar"]) for store in frames.stores] == [5, 0]
+    observations = Observations([each(ObservationStore.tensor, store) for store in stores])
+    assert [len(store["lidar"]) for store in observations.stores] == [5, 0]

@@ -2,11 +2,10 @@
 
 import numpy as np
 import pytest
-from small_learners import learner_of, taught_by, with_transfer
+from small_learners import learner_of, taught_by, training, with_transfer
 from small_tasks import reach
 
 from repaint_cli.learn.evaluation import evaluate
-from repaint_cli.learn.ppo import train
 from repaint_cli.policies import weights
 from repaint_cli.policies.networks import ActorCritic
 from repaint_cli.settings import TransferConfig
@@ -30,7 +29,7 @@ def learned(n_iterations, seeds=SEEDS, teacher=None, transfer=TRANSFER, **weight
     task = reach(n_iterations=n_iterations, **LONG, **weights)
     learner = learner_of(task, seeds)
     stats, returns = [], [evaluate(learner.student, task, seeds, 10).returns.mean(1)]
-    for stat in train(with_transfer(task, transfer), learner, taught_by(teacher)):
+    for stat in training(with_transfer(task, transfer), learner, taught_by(teacher)):
         stats.append(stat)
         returns.append(evaluate(learner.student, task, seeds, 10).returns.mean(1))
     return learner.student, stats, np.array(returns)
@@ -65,7 +64,7 @@ def test_ppo_learns_to_reach(scratch):
 
 def test_the_critic_learns_what_to_expect(scratch):
     _, stats, _ = scratch
-    first, last = (stats[k].numbers["explained_variance"] for k in (0, -1))
+    first, last = (stats[k].metrics["explained_variance"] for k in (0, -1))
     assert permutation_p(last, first) < 0.01
     assert last.mean() > 0.5
 

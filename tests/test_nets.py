@@ -6,14 +6,14 @@ import torch.nn.functional as F  # noqa: N812
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from small_learners import learn_on_policy
 from torch import nn
 from torch.testing import assert_close
 
 from repaint_cli.errors import CardError
 from repaint_cli.learn.rollout.gae import Samples
-from repaint_cli.learn.rollout.observations import Frames
+from repaint_cli.learn.rollout.observations import Observations
 from repaint_cli.learn.update.adam import RowAdam
-from repaint_cli.learn.update.epochs import learn_on_policy
 from repaint_cli.policies.architecture import NetConfig
 from repaint_cli.policies.networks import ActorCritic, brightness
 from repaint_cli.policies.normalizer import Normalizer
@@ -356,7 +356,7 @@ def test_a_deeper_network_learns_in_every_layer(name, shared):
     policy = student.policy(obs)
     actions = policy.mode()
     samples = Samples(
-        frames=Frames([store]), rows=torch.arange(n)[None], actions=actions,
+        observations=Observations([store]), rows=torch.arange(n)[None], actions=actions,
         behavior_log_probs=policy.log_prob(actions).detach(), advantages=torch.randn(1, n),
         returns=torch.randn(1, n), rewards=torch.zeros(1, n), counts=torch.tensor([n]),
     )  # fmt: skip

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 import torch
-from small_learners import learner_of, stranger, taught_by, transferring, with_transfer
+from small_learners import course_for, learner_of, stranger, taught_by, transferring, with_transfer
 from small_tasks import guess, reach
 from torch.testing import assert_close
 
@@ -12,11 +12,11 @@ from repaint_cli.learn.q_learning import (
     _experience,
     epsilon,
     epsilon_greedy,
+    extended,
     q_loss,
-    remembered,
     train,
 )
-from repaint_cli.learn.rollout.observations import Frames
+from repaint_cli.learn.rollout.observations import Observations
 from repaint_cli.settings import QLearningConfig
 
 Q = {"memory": 500, "gradient_steps": 20, "epsilon_iterations": 2}
@@ -24,6 +24,10 @@ Q = {"memory": 500, "gradient_steps": 20, "epsilon_iterations": 2}
 
 def learning(task, **settings):
     return task.model_copy(update={"q_learning": QLearningConfig(**Q | settings)})
+
+
+def learn(task, learner, teachers=()):
+    return train(task, learner, course_for(task, learner, teachers))
 
 
 class Table:
@@ -42,7 +46,7 @@ def experience(*rows, teacher=()):
     states = torch.arange(9.0).unsqueeze(1)
     who = torch.tensor([[i in teacher for i in range(len(rows))]])
     return Experience(
-        Frames([states]), torch.tensor([s]), torch.tensor([after]), torch.tensor([a]),
+        Observations([states]), torch.tensor([s]), torch.tensor([after]), torch.tensor([a]),
         torch.tensor([r]), torch.tensor([over]), torch.tensor([len(rows)]), who,
     )  # fmt: skip
 
@@ -99,26 +103,26 @@ def test_memory_keeps_each_seeds_newest_and_what_they_saw():
     task = guess(n_episodes=6)
     learner, kept, made = learner_of(task, [0, 1]), None, []
     for k in range(1, 6):
-        rollout = learner.act(task, k)
+        rollout = learner.collect(task, k)
         made.append(_experience(task, rollout, from_teacher=k % 2 == 0))
-        kept = remembered(kept, [made[-1]], 60)
-    whole = Experience.together(made)
+        kept = extended(kept, [made[-1]], 60)
+    whole = Experience.concatenate(made)
     assert kept.counts.tolist() == [60, 60]
     for s, n in enumerate(whole.counts.tolist()):
         for name in ("actions", "rewards", "terminations", "from_teacher"):
             assert torch.equal(getattr(kept, name)[s], getattr(whole, name)[s, n - 60 : n]), name
         for rows in ("rows", "next_rows"):
-            seen = kept.frames.stores[s][getattr(kept, rows)[s]]
-            expected = whole.frames.stores[s][getattr(whole, rows)[s, n - 60 : n]]
+            seen = kept.observations.stores[s][getattr(kept, rows)[s]]
+            expected = whole.observations.stores[s][getattr(whole, rows)[s, n - 60 : n]]
             assert torch.equal(seen, expected)
-        assert len(kept.frames.stores[s]) < len(whole.frames.stores[s])
+        assert len(kept.observations.stores[s]) < len(whole.observations.stores[s])
 
 
 def test_a_time_limit_may_be_terminal():
     ends = []
     for limit in ("bootstrap", "terminal"):
         task = guess(n_episodes=40, time_limit=limit)
-        rollout = learner_of(task, [0]).act(task, 1)
+        rollout = learner_of(task, [0]).collect(task, 1)
         ends.append(_experience(task, rollout, from_teacher=False).terminations.sum())
         assert rollout.truncations[rollout.valid].any()
     assert ends[0] < ends[1] == 40
@@ -130,11 +134,11 @@ def test_a_teacher_fills_the_memory_in_the_first_iterations_only(image):
     task = with_transfer(task, transferring(iterations=2))
     learner = learner_of(task, [0, 1])
     before = learner.student.storage.clone()
-    stats = list(train(task, learner, taught_by(stranger(task, 2))))
+    stats = list(learn(task, learner, taught_by(stranger(task, 2))))
     assert [stat.phase for stat in stats] == ["instance", "instance", "ppo"]
-    assert "kept_fraction" in stats[0].numbers
-    assert "kept_fraction" not in stats[2].numbers
-    assert [stat.numbers["epsilon"][0] for stat in stats] == pytest.approx([1.0, 0.525, 0.05])
+    assert "kept_fraction" in stats[0].metrics
+    assert "kept_fraction" not in stats[2].metrics
+    assert [stat.metrics["epsilon"][0] for stat in stats] == pytest.approx([1.0, 0.525, 0.05])
     cut = learner.student.n_policy
     assert not torch.equal(before[:, :cut], learner.student.storage[:, :cut])
     assert torch.equal(before[:, cut:], learner.student.storage[:, cut:])  # no critic is fitted
@@ -143,7 +147,7 @@ def test_a_teacher_fills_the_memory_in_the_first_iterations_only(image):
 def test_q_learning_learns_to_guess():
     task = learning(guess(n_iterations=4, n_episodes=20, learning_rate=3e-3), gradient_steps=200)
     learner = learner_of(task, [0])
-    list(train(task, learner))
+    list(learn(task, learner))
     played = evaluate(learner.student, task, [0], 20)
     assert played.returns.sum() / played.lengths.sum() > 0.95  # by chance a third
 
@@ -153,7 +157,7 @@ def test_the_same_seed_gives_the_same_bits_and_seeds_do_not_meet():
     ends = []
     for seeds in ([4, 7], [4, 7], [7]):
         learner = learner_of(task, seeds)
-        list(train(task, learner, taught_by(stranger(task, len(seeds)))))
+        list(learn(task, learner, taught_by(stranger(task, len(seeds)))))
         ends.append(learner.student.storage.clone())
     assert torch.equal(ends[0], ends[1])
     assert_close(ends[0][1], ends[2][0], rtol=1e-4, atol=1e-6)
@@ -164,11 +168,11 @@ def test_teachers_share_the_steps_of_an_iteration_with_the_student():
     task = task.model_copy(update={"ppo": task.ppo.model_copy(update={"n_episodes": None})})
     task = task.with_settings(["env.kwargs={}"])
     learner = learner_of(task, [0])
-    list(train(task, learner, taught_by(stranger(task))))
+    list(learn(task, learner, taught_by(stranger(task))))
     assert learner.env_steps == 2 * 140
 
 
 def test_continuous_actions_are_refused():
     task = learning(reach())
     with pytest.raises(CardError, match="expected numbered actions for q-learning, found 2 obs"):
-        next(train(task, learner_of(task, [0])))
+        next(learn(task, learner_of(task, [0])))

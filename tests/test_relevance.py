@@ -3,7 +3,7 @@ import pytest
 import torch
 from numpy.testing import assert_allclose
 
-from repaint_cli.learn.rollout.observations import Frames
+from repaint_cli.learn.rollout.observations import Observations
 from repaint_cli.learn.rollout.transitions import Transitions
 from repaint_cli.learn.transfer.relevance import relevance
 from repaint_cli.settings import SelectConfig
@@ -24,9 +24,10 @@ def moves(*batches):
         for table in tables
     ]
     rows = torch.arange(longest).expand(len(tables), -1)
+    here = rows.clamp(max=counts[:, None] - 1)
     return Transitions(
-        Frames(stores), rows.clamp(max=counts[:, None] - 1), rows.clamp(max=counts[:, None] - 1)
-        + counts[:, None], padded(1)[..., None], padded(3), torch.zeros(rows.shape).bool(), counts,
+        Observations(stores), here, here + counts[:, None], padded(1)[..., None],
+        padded(3), torch.zeros(rows.shape).bool(), counts,
     )  # fmt: skip
 
 

@@ -9,7 +9,7 @@ from torch.testing import assert_close
 
 from repaint_cli.errors import DivergedError
 from repaint_cli.learn.rollout.collect import collect, start
-from repaint_cli.learn.rollout.observations import Frames
+from repaint_cli.learn.rollout.observations import Observations
 from repaint_cli.learn.seeding import Purpose
 from repaint_cli.policies.distributions import Categorical, Gaussian
 
@@ -38,7 +38,7 @@ def counting(t, n, width=1):
 
 def seen(rollout, s=0):
     """What seed s saw, (T+1, N, *O)."""
-    return rollout.frames.stores[s].numpy()[rollout.index[:, s]]
+    return rollout.observations.stores[s].numpy()[rollout.index[:, s]]
 
 
 def test_the_last_observation_of_an_episode_is_the_true_one():
@@ -98,7 +98,7 @@ def test_what_a_parked_environment_says_is_not_read():
     env, first = scripted(obs, rewards, ends=[(0, 0), (3, 1)], terminated=True)
     rollout = collect(env, first, gaussian(), generators(1))
     assert_array_equal(rollout.valid[:, 0].sum(0), [1, 4])
-    assert rollout.frames.stores[0].isfinite().all()
+    assert rollout.observations.stores[0].isfinite().all()
 
 
 @pytest.mark.parametrize("bad", [NAN, np.inf])
@@ -127,7 +127,7 @@ def test_what_need_not_be_finite_is_not_looked_at():
     obs[6:, 1] = NAN
     env, first = scripted(obs, np.ones((8, 2)), ends=[(2, 1), (7, 0)], terminated=True)
     rollout = collect(env, first, gaussian(), generators(1))
-    assert rollout.frames.stores[0].isfinite().all()
+    assert rollout.observations.stores[0].isfinite().all()
 
 
 @pytest.mark.parametrize("image", [False, True])
@@ -232,7 +232,7 @@ def test_images_are_stored_once_as_bytes_and_only_those_that_count_are_looked_at
         z = (actions[valid] - means) * np.exp(7)
         log_probs = rollout.behavior_log_probs[t].flatten()[valid]
         assert_allclose(log_probs, 7 - z**2 / 2 - np.log(2 * np.pi) / 2, atol=1e-3)
-    first_store, second_store = rollout.frames.stores
+    first_store, second_store = rollout.observations.stores
     assert first_store.dtype == torch.uint8
     assert first_store.flatten().tolist() == [0, 1, 10, 11, 21, 31]
     assert second_store.flatten().tolist() == [2, 3, 12, 13, 22, 23]
@@ -242,7 +242,7 @@ def test_frames_are_taken_seed_by_seed():
     for shape in ((3,), (2, 2, 1)):  # vectors, images
         stores = [torch.randn(n, *shape) for n in (4, 2)]
         rows = torch.tensor([[3, 0, 3], [1, 1, 0]])
-        found = Frames(stores).take(rows)
+        found = Observations(stores).take(rows)
         for s in range(2):
             assert torch.equal(found[s], stores[s][rows[s]])
 

@@ -20,7 +20,7 @@ from repaint_cli.errors import CardError, CheckpointError, DivergedError, NotFou
 from repaint_cli.files.atomic import sha256
 from repaint_cli.learn.evaluation import spaces_of
 from repaint_cli.learn.update.adam import RowAdam
-from repaint_cli.learn.update.compiled.views import Place
+from repaint_cli.learn.update.compiled import update as compiled
 from repaint_cli.policies.networks import ActorCritic
 from repaint_cli.policies.weights import load
 from repaint_cli.runs import experiment, resume
@@ -138,7 +138,7 @@ def test_an_interruption_before_the_first_iteration_is_on_record(home, monkeypat
     def interrupt(*args):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(experiment, "measure", interrupt)
+    monkeypatch.setattr(experiment, "begin", interrupt)
     with pytest.raises(KeyboardInterrupt):
         next(run.run())
     assert record_of(home / "run")["state"] == "interrupted"
@@ -312,19 +312,19 @@ def test_an_environment_that_breaks_stops_the_run_at_once(repaint, home, fragile
 @pytest.fixture(params=["plain", "compiled"])
 def leaping(request, monkeypatch):
     """Let the third iteration's steps be far too long; return how a run is told to be such."""
-    calls, step, row = [], RowAdam.step, Place.row
+    calls, step, view = [], RowAdam.step, compiled.adam_view
 
     def leap(self, policies, critics, scale):
         calls.append(scale)
         step(self, policies, critics, 1e38 if len(calls) > 10 else scale)  # 4 an iteration
 
-    def leaping_row(self, half):
-        calls.append(half)
-        found = row(self, half)
+    def leaping_view(student, optimizer, s, tower, scale):
+        calls.append(tower)
+        found = view(student, optimizer, s, tower, scale)
         return found._replace(learning_rate=1e38) if len(calls) > 4 else found  # 2 an iteration
 
     monkeypatch.setattr(RowAdam, "step", leap)
-    monkeypatch.setattr(Place, "row", leaping_row)
+    monkeypatch.setattr(compiled, "adam_view", leaping_view)
     return "--set", f"ppo.compiled={str(request.param == 'compiled').lower()}"
 
 

@@ -1,6 +1,13 @@
 import pytest
 
-from repaint_cli.learn.transfer.schedules import alphas, kickstart_coefs, phase, ppo, threshold
+from repaint_cli.learn.transfer.schedules import (
+    alphas,
+    clip_range,
+    kickstart_coefs,
+    learning_rate,
+    phase,
+    threshold,
+)
 from repaint_cli.settings import PPOConfig, SelectConfig, TransferConfig
 from repaint_cli.tasks.methods import METHODS
 
@@ -112,10 +119,10 @@ def test_both_alphas_follow_the_power_law_and_their_quotient_stays():
 
 def test_clip_range_and_learning_rate_fall_to_nothing_where_asked():
     config = PPOConfig(clip_range=0.2, clip_decay=4, learning_rate=1.0, learning_rate_decay=2)
-    found = [ppo(k, config) for k in range(1, 6)]
-    assert [now.clip_range for now in found] == pytest.approx([0.2, 0.15, 0.1, 0.05, 0])
-    assert [now.learning_rate for now in found] == pytest.approx([1, 0.5, 0, 0, 0])
-    assert ppo(99, PPOConfig()) == PPOConfig()
+    assert [clip_range(k, config) for k in range(1, 6)] == pytest.approx([0.2, 0.15, 0.1, 0.05, 0])
+    assert [learning_rate(k, config) for k in range(1, 6)] == pytest.approx([1, 0.5, 0, 0, 0])
+    assert clip_range(99, PPOConfig()) == PPOConfig().clip_range
+    assert learning_rate(99, PPOConfig()) == PPOConfig().learning_rate
 
 
 def test_the_critic_may_learn_alone_before_the_rounds_begin():

@@ -3,11 +3,10 @@ from itertools import product
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
-from small_learners import learner_of, stranger, trained, with_transfer
+from small_learners import learner_of, stranger, trained, training, with_transfer
 from small_tasks import guess, reach
 
 from repaint_cli.learn.evaluation import evaluate
-from repaint_cli.learn.ppo import train
 from repaint_cli.learn.seeding import Purpose, env_seeds, generator
 from repaint_cli.settings import TransferConfig
 
@@ -23,7 +22,7 @@ def learned(task, seeds, joint=False):
     """Train with a teacher; return the weights, the evaluated returns and all numbers."""
     learner, stats = trained(task, seeds, stranger(task, len(seeds)), joint=joint)
     played = evaluate(learner.student, task, list(seeds), 5, iteration=3)
-    return learner.student.storage.numpy(), played.returns, [stat.numbers for stat in stats]
+    return learner.student.storage.numpy(), played.returns, [stat.metrics for stat in stats]
 
 
 @pytest.mark.parametrize("joint", [False, True], ids=["alternating", "joint"])
@@ -93,6 +92,6 @@ def test_methods_meet_the_same_evaluation_episodes():
 def test_evaluating_in_between_changes_no_bit_of_training():
     task = reach(n_iterations=3)
     watched = learner_of(task, [0])
-    for stat in train(with_transfer(task, TransferConfig()), watched):
+    for stat in training(with_transfer(task, TransferConfig()), watched):
         evaluate(watched.student, task, [0], 4, stat.iteration)
     assert_array_equal(watched.student.storage, trained(task, [0])[0].student.storage)

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from torch.testing import assert_close
 
 from repaint_cli.learn.rollout.gae import Samples
-from repaint_cli.learn.rollout.observations import Frames
+from repaint_cli.learn.rollout.observations import Observations
 from repaint_cli.learn.transfer.selection import (
     above_threshold,
     drawn,
@@ -29,7 +29,7 @@ def batch(*advantages):
     for s, row in enumerate(advantages):
         padded[s, : len(row)] = torch.tensor(row)
     zeros = torch.zeros_like(padded)
-    frames = Frames([torch.zeros(1, 1) for _ in advantages])
+    frames = Observations([torch.zeros(1, 1) for _ in advantages])
     return Samples(frames, zeros.long(), zeros, zeros, padded, zeros, zeros, counts)
 
 

@@ -7,7 +7,7 @@ from repaint_cli.learn.evaluation import spaces_of
 from repaint_cli.policies.spaces import Spaces
 from repaint_cli.tasks.card_files import read_task
 from repaint_cli.tasks.similarity import cosine
-from repaint_cli.zoo.store import misfit
+from repaint_cli.zoo.store import mismatch
 from repaint_cli.zoo.teacher_card import read_card
 
 CAMERA = Spaces((120, 160, 1), 10, True)
@@ -59,7 +59,7 @@ def test_a_lane_teacher_may_teach_a_task_that_pays_progress_too(home):
     path = add_teacher(home, "lane", "racer-inner", CAMERA)
     teacher = read_card(path)
     for target in (inner(lane=-1.0, dprog=10.0), inner(dprog=1.0)):
-        assert misfit(teacher, target, spaces_of(target)) is None
+        assert mismatch(teacher, target, spaces_of(target)) is None
         assert cosine(teacher.task, target) is not None
     assert cosine(inner(lane=3.0), inner(lane=3.0, dprog=4.0)) == pytest.approx(0.6)
     assert inner(lane=3.0).weights(["dprog", "lane"]) == [0.0, 3.0]
@@ -68,7 +68,7 @@ def test_a_lane_teacher_may_teach_a_task_that_pays_progress_too(home):
 def test_a_term_that_the_simulator_cannot_pay_is_a_misfit(home):
     teacher = read_card(add_teacher(home, "lane", "racer-inner", CAMERA))
     target = inner(lane=1.0, clear=1.0)  # there are no bots to be clear of
-    assert "knows the reward terms lane, task 'racer-inner' has lane, clear" in misfit(
+    assert "knows the reward terms lane, task 'racer-inner' has lane, clear" in mismatch(
         teacher, target, CAMERA
     )
     assert cosine(teacher.task, target) is None

@@ -6,16 +6,25 @@ import numpy as np
 import pytest
 import torch
 from numpy.testing import assert_array_equal
-from small_learners import learner_of, stranger, taught_by, trained, transferring, with_transfer
+from small_learners import (
+    instances_from,
+    learner_of,
+    spec_of,
+    stranger,
+    taught_by,
+    trained,
+    training,
+    transferring,
+    with_transfer,
+)
 from small_tasks import guess, reach
 from torch.testing import assert_close
 
-from repaint_cli.learn import on_policy
-from repaint_cli.learn.ppo import train
-from repaint_cli.learn.rollout.batches import share_of
+from repaint_cli.learn import ppo as ppo_module
+from repaint_cli.learn.rollout.batches import even_share
 from repaint_cli.learn.rollout.gae import describe, to_samples
-from repaint_cli.learn.transfer import teachers as teachers_module
-from repaint_cli.learn.transfer.teachers import Teacher, advise, transfer_instances
+from repaint_cli.learn.transfer import instances as instances_module
+from repaint_cli.learn.transfer.teachers import Teacher, advise
 from repaint_cli.learn.update.objectives import instance_loss, representation_loss
 from repaint_cli.policies.distributions import Gaussian
 from repaint_cli.settings import SelectConfig
@@ -26,8 +35,8 @@ TASKS = pytest.mark.parametrize("make", [reach, guess])
 def learned(task, teachers, seeds=(0, 1), **transfer):
     """Train to the end with teachers; return the weights and the numbers of each iteration."""
     learner = learner_of(task, seeds)
-    stats = list(train(with_transfer(task, transferring(**transfer)), learner, teachers))
-    return learner.student.storage, [stat.numbers for stat in stats]
+    stats = list(training(with_transfer(task, transferring(**transfer)), learner, teachers))
+    return learner.student.storage, [stat.metrics for stat in stats]
 
 
 @TASKS
@@ -55,7 +64,7 @@ def test_a_teacher_with_beta_0_is_not_asked_for_advice(make):
 def test_several_teachers_are_their_weighted_cross_entropies(make, compiled):
     task = make(n_epochs=1, minibatch_size=1000, compiled=compiled)
     learner, teachers = learner_of(task, [0]), [stranger(task, seed=seed) for seed in (5, 6)]
-    rollout = learner.act(task, 1)
+    rollout = learner.collect(task, 1)
     samples = to_samples(rollout, learner.student.value, task.ppo)
     target = advise(taught_by(*teachers), torch.tensor([[0.1], [0.3]]), samples, task.transfer)
     parts = [describe(teacher.policy, samples) for teacher in teachers]
@@ -72,27 +81,27 @@ def test_teachers_share_the_steps_or_episodes_of_one_and_act_apart(make):
     alone, _ = trained(task, [0], stranger(task), teacher_episodes=4)
     learner = learner_of(task, [0])
     settings = transferring(teacher_episodes=4)
-    list(train(with_transfer(task, settings), learner, taught_by(*[stranger(task)] * 2)))
+    list(training(with_transfer(task, settings), learner, taught_by(*[stranger(task)] * 2)))
     if task.ppo.n_steps:
         assert_array_equal(learner.env_steps, alone.env_steps)
-    two, _ = transfer_instances(
+    two, _ = instances_from(
         with_transfer(task, settings), learner, taught_by(*[stranger(task)] * 2), 2
     )
-    seen = two.frames.take(two.rows)[0]
+    seen = two.observations.take(two.rows)[0]
     half = len(seen) // 2
     assert not torch.equal(seen[:half], seen[half : 2 * half])
     assert not torch.equal(two.actions[0, :half], two.actions[0, half : 2 * half])
 
 
 def test_what_is_shared_is_shared_evenly():
-    assert [share_of(2048, i, 3) for i in range(3)] == [683, 683, 682]
-    assert [share_of(2, i, 1) for i in range(1)] == [2]
+    assert [even_share(2048, i, 3) for i in range(3)] == [683, 683, 682]
+    assert [even_share(2, i, 1) for i in range(1)] == [2]
 
 
 def test_samples_of_several_teachers_are_scaled_together():
     task = reach(select={"rule": "all", "scale": "teacher-batch"})
     teachers = taught_by(stranger(task, seed=1), stranger(task, seed=2))
-    found, _ = transfer_instances(task, learner_of(task, [0]), teachers, 2)
+    found, _ = instances_from(task, learner_of(task, [0]), teachers, 2)
     assert_close(found.advantages.mean(), torch.tensor(0.0), atol=1e-5, rtol=0)
     assert_close(found.advantages.std(correction=0), torch.tensor(1.0))
     halves = found.advantages[0].chunk(2)
@@ -103,8 +112,8 @@ def test_only_those_who_act_give_instances():
     task = reach(select={"rule": "all"})
     loud, silent = stranger(task, seed=1), stranger(task, seed=2)
     both = [Teacher(loud), Teacher(silent, acts=False)]
-    found, _ = transfer_instances(task, learner_of(task, [0]), both, 2)
-    expected, _ = transfer_instances(task, learner_of(task, [0]), [Teacher(loud)], 2)
+    found, _ = instances_from(task, learner_of(task, [0]), both, 2)
+    expected, _ = instances_from(task, learner_of(task, [0]), [Teacher(loud)], 2)
     assert torch.equal(found.actions, expected.actions)
 
 
@@ -113,9 +122,9 @@ def test_teachers_statistics_enter_the_students_normaliser_only_if_asked():
     for asked in (False, True):
         learner = learner_of(task, [0])
         taught = with_transfer(task, transferring(teacher_statistics=asked))
-        kept, _ = transfer_instances(taught, learner, taught_by(stranger(task)), 2)
+        kept, _ = instances_from(taught, learner, taught_by(stranger(task)), 2)
         counts.append(int(learner.student.normalizer.count))
-    assert counts == [0, kept.frames.sizes]
+    assert counts == [0, kept.observations.sizes]
 
 
 @TASKS
@@ -159,13 +168,13 @@ def test_every_objective_trains(make, objective, joint):
 def test_trpos_instances_are_penalised_by_the_divergence_from_who_acted():
     task = reach(objective="trpo", kl_coef=2.0, select={"rule": "all"})
     learner, teachers = learner_of(task, [0]), [stranger(task, seed=seed) for seed in (5, 6)]
-    kept, _ = transfer_instances(task, learner, taught_by(*teachers), 2)
-    loss, _ = instance_loss(learner.student, kept, task.ppo)
-    policy = learner.student.policy(kept.frames.take(kept.rows))
+    kept, _ = instances_from(task, learner, taught_by(*teachers), 2)
+    loss, _ = instance_loss(learner.student, kept, spec_of(task.ppo))
+    policy = learner.student.policy(kept.observations.take(kept.rows))
     half = int(kept.counts) // 2
     kl = []
     for teacher, own in zip(teachers, (slice(0, half), slice(half, None)), strict=True):
-        theirs = teacher.policy(kept.frames.take(kept.rows))
+        theirs = teacher.policy(kept.observations.take(kept.rows))
         here = Gaussian(theirs.mean[:, own], theirs.log_std)
         ours = Gaussian(policy.mean[:, own], policy.log_std)
         both = [torch.distributions.Normal(g.mean, g.log_std.exp()) for g in (here, ours)]
@@ -180,11 +189,11 @@ def test_at_the_old_policy_every_objective_has_ppos_gradient():
     for objective in ("clipped", "a2c", "trpo"):
         task = reach(objective=objective)
         learner = learner_of(task, [0])
-        rollout = learner.act(task, 1)
+        rollout = learner.collect(task, 1)
         samples = to_samples(rollout, learner.student.value, task.ppo)
         samples = replace(samples, behavior=describe(learner.student.policy, samples))
         learner.student.gradients.zero_()
-        loss, _ = representation_loss(learner.student, samples, None, 0.0, task.ppo)
+        loss, _ = representation_loss(learner.student, samples, None, spec_of(task.ppo))
         loss.sum().backward()
         slopes.append(learner.student.gradients.clone())
     assert_close(slopes[0], slopes[1], rtol=1e-4, atol=1e-6)
@@ -198,13 +207,13 @@ def test_while_the_critic_learns_alone_no_policy_moves(make, compiled):
     learner = learner_of(task, [0, 1])
     before, cut = learner.student.storage.clone(), learner.student.n_policy
     taught = with_transfer(task, transferring(critic_warmup=1))
-    (stat,) = train(taught, learner, taught_by(stranger(task, 2)))
+    (stat,) = training(taught, learner, taught_by(stranger(task, 2)))
     after = learner.student.storage
     assert stat.phase == "critic"
     assert torch.equal(before[:, :cut], after[:, :cut])
     assert not torch.equal(before[:, cut:], after[:, cut:])
-    assert "value_loss" in stat.numbers
-    assert "policy_loss" not in stat.numbers
+    assert "value_loss" in stat.metrics
+    assert "policy_loss" not in stat.metrics
 
 
 @TASKS
@@ -229,21 +238,21 @@ def test_advantages_after_the_critics_fit_are_other_advantages():
 
 
 def test_whole_episodes_are_cut_to_the_steps_asked_for_once_advantages_are_known(monkeypatch):
-    batches, learn = [], on_policy.learn_on_policy
+    batches, update = [], ppo_module.update
 
     def spy(student, optimizer, batch, *args, **kwargs):
         batches.append(batch)
-        return learn(student, optimizer, batch, *args, **kwargs)
+        return update(student, optimizer, batch, *args, **kwargs)
 
-    monkeypatch.setattr(on_policy, "learn_on_policy", spy)
+    monkeypatch.setattr(ppo_module, "update", spy)
     task = reach(n_iterations=1, n_steps=70, n_envs=1, whole_episodes=True, minibatch_size=1000)
     learner = learner_of(task, [0])
-    (stat,) = train(task, learner)
+    (stat,) = training(task, learner)
     assert learner.env_steps == 72  # nine episodes of eight
     assert stat.rollout.truncations[stat.rollout.valid].sum() == 9
     assert batches[0].counts.tolist() == [70]
     assert abs(batches[0].advantages.mean()) > 1e-6  # standardised over all 72
-    kept, _ = transfer_instances(
+    kept, _ = instances_from(
         task.model_copy(update={"select": SelectConfig(rule="all")}), learner,
         taught_by(stranger(task)), 2,
     )  # fmt: skip
@@ -259,18 +268,18 @@ def test_where_episodes_are_counted_nothing_is_cut():
 
 
 def test_a_joint_update_after_the_critics_fit_judges_everybody_by_the_fitted_critic(monkeypatch):
-    judged, estimate = [], teachers_module.to_samples
+    judged, estimate = [], instances_module.to_samples
 
     def spy(rollout, value, ppo):
         judged.append(value.__self__.storage.clone())
         return estimate(rollout, value, ppo)
 
-    monkeypatch.setattr(teachers_module, "to_samples", spy)
+    monkeypatch.setattr(instances_module, "to_samples", spy)
     task = reach(n_iterations=1, advantages="after", compiled=False, select={"rule": "all"})
     learner = learner_of(task, [0])
     before, cut = learner.student.storage.clone(), learner.student.n_policy
     taught = with_transfer(task, transferring(joint=True))
-    list(train(taught, learner, taught_by(stranger(task))))
+    list(training(taught, learner, taught_by(stranger(task))))
     (at,) = judged
     assert torch.equal(at[:, :cut], before[:, :cut])
     assert not torch.equal(at[:, cut:], before[:, cut:])
@@ -292,6 +301,6 @@ def test_alphas_are_the_policies_own_and_leave_critics_their_rate(compiled):
 def test_epsilon_and_the_learning_rate_fall_during_training():
     task = reach(n_iterations=3, clip_decay=2, learning_rate_decay=2)
     learner = learner_of(task, [0])
-    ends = [learner.student.storage.clone() for _ in train(task, learner)]
+    ends = [learner.student.storage.clone() for _ in training(task, learner)]
     assert not torch.equal(ends[0], ends[1])
     assert torch.equal(ends[1], ends[2])  # at a step size of 0

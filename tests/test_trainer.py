@@ -1,14 +1,18 @@
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 import pytest
 import torch
 from small_learners import (
+    course_for,
+    instances_from,
     learner_of,
     spaces_of,
     stranger,
     taught_by,
     trained,
+    training,
     transferring,
     with_transfer,
 )
@@ -19,9 +23,9 @@ from repaint_cli.errors import CardError, DivergedError
 from repaint_cli.learn import learner as learner_module
 from repaint_cli.learn.ppo import train
 from repaint_cli.learn.rollout.gae import describe, to_samples
-from repaint_cli.learn.transfer import teachers as teachers_module
+from repaint_cli.learn.transfer import course as course_module
 from repaint_cli.learn.transfer.selection import moments
-from repaint_cli.learn.transfer.teachers import soften, transfer_instances
+from repaint_cli.learn.transfer.teachers import soften
 from repaint_cli.learn.update import epochs
 from repaint_cli.policies.networks import ActorCritic
 from repaint_cli.settings import TransferConfig
@@ -56,7 +60,9 @@ def stages(task, seeds=(0, 1), teacher=None, **transfer):
     """The learner at the start and after each iteration, and what was yielded."""
     learner = learner_of(task, seeds)
     states, stats = [whole(learner)], []
-    for stat in train(with_transfer(task, transferring(**transfer)), learner, taught_by(teacher)):
+    for stat in training(
+        with_transfer(task, transferring(**transfer)), learner, taught_by(teacher)
+    ):
         states.append(whole(learner))
         stats.append(stat)
     return states, stats
@@ -70,9 +76,9 @@ def test_a_teacher_that_contributes_nothing_is_ppo_bit_for_bit(make):
     assert same(whole(alone), whole(with_teacher))
     for stat, other in zip(stats, others, strict=True):
         assert stat.phase == other.phase == "ppo"
-        assert stat.numbers.keys() == other.numbers.keys()
-        for name in stat.numbers.keys() - TIMING:
-            np.testing.assert_array_equal(stat.numbers[name], other.numbers[name])
+        assert stat.metrics.keys() == other.metrics.keys()
+        for name in stat.metrics.keys() - TIMING:
+            np.testing.assert_array_equal(stat.metrics[name], other.metrics[name])
 
 
 @TASKS
@@ -95,8 +101,8 @@ def test_a_threshold_nothing_reaches_takes_no_instance_step(make):
     (_, first, second), stats = stages(task, teacher=stranger(task, 2), kickstart_coef=0.2)
     assert [stat.phase for stat in stats] == ["representation", "instance"]
     assert same(first, second)
-    np.testing.assert_array_equal(stats[1].numbers["kept_fraction"], [0, 0])
-    assert np.isnan(stats[1].numbers["kept_reward"]).all()
+    np.testing.assert_array_equal(stats[1].metrics["kept_fraction"], [0, 0])
+    assert np.isnan(stats[1].metrics["kept_reward"]).all()
 
 
 @TASKS
@@ -111,7 +117,7 @@ def test_a_joint_update_that_kept_nothing_is_kickstart_bit_for_bit(make):
 def test_after_k_iterations_the_teacher_is_not_asked(joint):
     task, teacher = reach(n_iterations=4), stranger(reach())
     learner, phases = learner_of(task, [0]), []
-    for stat in train(
+    for stat in training(
         with_transfer(task, transferring(iterations=2, joint=joint)), learner, taught_by(teacher)
     ):
         phases.append(stat.phase)
@@ -194,7 +200,7 @@ def test_training_in_two_sittings_is_training_in_one(make):
     twice = learner_of(make(), [0])
     for n_iterations, expected in ((2, [1, 2]), (4, [3, 4])):
         task = with_transfer(make(n_iterations=n_iterations), transfer)
-        sitting = train(task, twice, taught_by(teacher))
+        sitting = training(task, twice, taught_by(teacher))
         assert [stat.iteration for stat in sitting] == expected
     assert same(whole(once), whole(twice))
 
@@ -204,7 +210,7 @@ def test_a_joint_iteration_learns_from_what_it_kept(batches_of):
     task = reach(n_iterations=1, n_epochs=1, select=keeps(0.5))
     learner, (stat,) = trained(task, teacher=stranger(task), joint=True)
     assert sum(int(batch.counts) for batch in taught) == round(
-        72 * stat.numbers["kept_fraction"][0]
+        72 * stat.metrics["kept_fraction"][0]
     )
     assert learner.env_steps == 2 * 72
 
@@ -224,25 +230,27 @@ def collected(monkeypatch):
 
 def test_the_critic_that_judges_the_teacher_has_judged_the_students_batch_too(collected):
     task = reach(n_iterations=1, learning_rate=0.05, select=keeps(0.5, "student-batch"))
-    learner, _ = trained(task, teacher=stranger(task))
+    learner, teachers = learner_of(task, [0]), taught_by(stranger(task))
+    course = course_for(task, learner, teachers)
+    list(train(task, learner, course))
     anew = to_samples(collected[0], learner.student.value, task.ppo)
-    assert_close(learner.last_moments, moments(anew))
+    assert_close(course.last.moments, moments(anew))
     stale = to_samples(collected[0], learner_of(task, [0]).student.value, task.ppo)
-    assert abs(learner.last_moments[0] - moments(stale)[0]) > 0.1
+    assert abs(course.last.moments[0] - moments(stale)[0]) > 0.1
 
 
 def test_a_joint_iteration_judges_the_teacher_against_the_students_own_batch(monkeypatch):
-    task, scales, rescale = reach(n_iterations=1), [], teachers_module.rescale
+    task, scales, rescale = reach(n_iterations=1), [], course_module.rescale
 
     def spy(samples, scale, student):
         scales.append(student)
         return rescale(samples, scale, student)
 
-    monkeypatch.setattr(teachers_module, "rescale", spy)
+    monkeypatch.setattr(course_module, "rescale", spy)
     _, (stat,) = trained(task, teacher=stranger(task), joint=True)
     assert scales[0][0] != 0
     assert scales[0][1] != 1
-    assert stat.numbers["student_reward"][0] < 0
+    assert stat.metrics["student_reward"][0] < 0
 
 
 @pytest.mark.parametrize("method", ["scratch", "warm-start"])
@@ -261,7 +269,7 @@ def test_alphas_scale_the_learning_rates_of_their_own_iterations_until_k():
 
     learner.optimizer.step = note
     list(
-        train(
+        training(
             with_transfer(task, TransferConfig(iterations=3, alpha_1=3, alpha_2=5)),
             learner,
             taught_by(stranger(task)),
@@ -286,16 +294,16 @@ def test_the_first_ratio_is_one_and_advantages_have_mean_0_and_std_1(batches_of)
     )
     _, stats = trained(task, seeds=(0, 1))
     for stat, batch in zip(stats, batches, strict=True):
-        assert_close(torch.from_numpy(stat.numbers["approx_kl"]), torch.zeros(2), atol=1e-6, rtol=0)
-        np.testing.assert_array_equal(stat.numbers["clip_fraction"], [0, 0])
+        assert_close(torch.from_numpy(stat.metrics["approx_kl"]), torch.zeros(2), atol=1e-6, rtol=0)
+        np.testing.assert_array_equal(stat.metrics["clip_fraction"], [0, 0])
         assert_close(batch.advantages.mean(1), torch.zeros(2), atol=1e-6, rtol=0)
         assert_close(batch.advantages.std(1, correction=0), torch.ones(2))
 
 
-def instances_of(task, teacher, learner=None, **transfer):
+def instances_of(task, teacher, learner=None, course=None, **transfer):
     task = with_transfer(task, TransferConfig(**transfer))
     learner = learner or learner_of(task, [0])
-    found = transfer_instances(task, learner, taught_by(teacher), 2)
+    found = instances_from(task, learner, taught_by(teacher), 2, course)
     return *found, soften(teacher, task.transfer)
 
 
@@ -372,16 +380,18 @@ def test_the_students_batch_is_the_scale_where_the_card_says_so():
     task = reach(select=keeps(EVERYTHING, "student-batch"))
     learner, teacher = learner_of(task, [0]), stranger(task)
     raw, _, _ = instances_of(reach(select=keeps(EVERYTHING, "none")), teacher)
-    learner.last_moments = (torch.tensor([[1.0]]), torch.tensor([[4.0]]))
-    scaled, _, _ = instances_of(task, teacher, learner)
+    course = course_for(task, learner, taught_by(teacher))
+    course.last = replace(course.last, moments=(torch.tensor([[1.0]]), torch.tensor([[4.0]])))
+    scaled, _, _ = instances_of(task, teacher, learner, course)
     assert_close(scaled.advantages, (raw.advantages - 1) / 4)
 
 
 def test_the_moments_remembered_are_those_of_the_students_last_own_batch():
     task = reach(n_iterations=2, select=keeps(EVERYTHING))
     learner = learner_of(task, [0])
-    training = train(with_transfer(task, TransferConfig()), learner, taught_by(stranger(task)))
-    remembered = [torch.cat(learner.last_moments) for _ in training]
+    task = with_transfer(task, TransferConfig())
+    course = course_for(task, learner, taught_by(stranger(task)))
+    remembered = [torch.cat(course.last.moments) for _ in train(task, learner, course)]
     assert torch.equal(remembered[0], remembered[1])
     assert not torch.equal(remembered[0], torch.tensor([[0.0], [1.0]]))
 
@@ -389,7 +399,7 @@ def test_the_moments_remembered_are_those_of_the_students_last_own_batch():
 def test_numbers_of_an_iteration():
     task = reach(n_iterations=3, n_steps=64, select=keeps(0.5))
     _, stats = trained(task, seeds=(0, 1), teacher=stranger(task, 2), kickstart_decay=0.5)
-    own, taught, again = (stat.numbers for stat in stats)
+    own, taught, again = (stat.metrics for stat in stats)
     for numbers in (own, taught, again):
         assert all(number.shape == (2,) for number in numbers.values())
     assert [stat.iteration for stat in stats] == [1, 2, 3]
@@ -410,8 +420,8 @@ def test_a_constant_critic_explains_nothing():
     task = guess(n_iterations=1, gamma=1e-6, gae_lambda=0.0, learning_rate=1e-12)
     learner = learner_of(task, [0])
     learner.student.weights["value.head.weight"].data.zero_()
-    (stat,) = train(with_transfer(task, TransferConfig()), learner)
-    assert stat.numbers["explained_variance"] == pytest.approx(0, abs=1e-4)
+    (stat,) = training(with_transfer(task, TransferConfig()), learner)
+    assert stat.metrics["explained_variance"] == pytest.approx(0, abs=1e-4)
 
 
 def test_teacher_episodes_are_a_number_of_their_own():
@@ -420,7 +430,7 @@ def test_teacher_episodes_are_a_number_of_their_own():
     steps = []
     for episodes in (1, 3):
         teach = task.with_settings([f"transfer.teacher_episodes={episodes}"])
-        transfer_instances(teach, learner, taught_by(stranger(task)), 2)
+        instances_from(teach, learner, taught_by(stranger(task)), 2)
         steps.append(int(learner.env_steps[0]))
     assert steps[1] - steps[0] > steps[0]
 
@@ -428,7 +438,7 @@ def test_teacher_episodes_are_a_number_of_their_own():
 def test_a_rollout_in_which_no_episode_can_end_is_refused():
     task = reach(n_steps=32, n_envs=4)
     with pytest.raises(CardError, match=r"at least 9 .* found 32 / 4; try --set ppo.n_envs=3"):
-        next(train(with_transfer(task, TransferConfig()), learner_of(task, [0])))
+        next(training(with_transfer(task, TransferConfig()), learner_of(task, [0])))
 
 
 def test_weights_that_are_not_finite_name_their_seed():
@@ -436,7 +446,7 @@ def test_weights_that_are_not_finite_name_their_seed():
     learner = learner_of(task, [4, 7])
     learner.optimizer.step = lambda *args: learner.student.storage[1].fill_(float("inf"))
     with pytest.raises(DivergedError, match=r"iteration 1, seed 7: .* weights"):
-        next(train(with_transfer(task, TransferConfig()), learner))
+        next(training(with_transfer(task, TransferConfig()), learner))
 
 
 def test_spaces_are_those_of_the_card():

@@ -6,21 +6,16 @@ import pytest
 import torch
 from hypothesis import given
 from hypothesis import strategies as st
+from small_learners import learn_from_instances, learn_on_policy, spec_of
 from torch.testing import assert_close
 
 from repaint_cli.errors import DivergedError
 from repaint_cli.learn.rollout.batches import front
 from repaint_cli.learn.rollout.gae import Samples
-from repaint_cli.learn.rollout.observations import Frames
+from repaint_cli.learn.rollout.observations import Observations
 from repaint_cli.learn.update import epochs
 from repaint_cli.learn.update.adam import RowAdam
-from repaint_cli.learn.update.epochs import (
-    Means,
-    learn_from_instances,
-    learn_on_policy,
-    part,
-    shuffle,
-)
+from repaint_cli.learn.update.epochs import Means, minibatch, shuffle
 from repaint_cli.learn.update.objectives import instance_loss, masked_mean, representation_loss
 from repaint_cli.policies.architecture import NetConfig
 from repaint_cli.policies.distributions import Gaussian
@@ -58,7 +53,7 @@ def samples_of(*counts, seed=0):
     obs = draw(3)
     obs[..., 0] = torch.arange(longest) / 10
     return Samples(
-        frames=Frames(list(obs)),
+        observations=Observations(list(obs)),
         rows=torch.arange(longest).repeat(len(counts), 1),
         actions=draw(2),
         behavior_log_probs=draw() / 5 - 3,
@@ -182,7 +177,7 @@ def test_the_parts_of_an_order_are_each_seeds_samples_once(counts, size):
     found = [[] for _ in counts]
     for start in range(0, max(counts), size):
         bounds = (samples.counts.clamp(max=start), samples.counts.clamp(max=start + size))
-        positions, taken = part(order, *bounds)
+        positions, taken = minibatch(order, *bounds)
         for s, n in enumerate(taken.tolist()):
             found[s] += positions[s, :n].tolist()
     assert [sorted(visits) for visits in found] == [list(range(n)) for n in counts]
@@ -240,7 +235,7 @@ def test_a_joint_update_spreads_the_instances_evenly_over_the_minibatches(batche
 def test_representation_loss_by_hand(beta):
     student, samples = drawn(n_seeds=2), samples_of(6, 6)
     teacher = teacher_at(samples)
-    obs = samples.frames.take(samples.rows)
+    obs = samples.observations.take(samples.rows)
     policy, values = student.policy(obs), student.value(obs)
     ratio = (policy.log_prob(samples.actions) - samples.behavior_log_probs).exp()
     surrogate = torch.minimum(
@@ -252,7 +247,7 @@ def test_representation_loss_by_hand(beta):
         - 0.03 * policy.entropy().squeeze(1)
         + beta * teacher.cross_entropy(policy).mean(1)
     )
-    loss, numbers = representation_loss(student, samples, teacher, beta, PPO)
+    loss, numbers = representation_loss(student, samples, teacher, spec_of(PPO, beta=beta))
     assert_close(loss, expected)
     assert_close(numbers["clip_fraction"], ((ratio - 1).abs() > 0.2).float().mean(1))
     assert_close(numbers["approx_kl"], (ratio - 1 - ratio.log()).mean(1))
@@ -262,10 +257,10 @@ def test_representation_loss_by_hand(beta):
 def test_instance_loss_is_the_surrogate_alone():
     student, samples = drawn(), samples_of(6)
     ppo = PPO.model_copy(update={"ent_coef": 0.0})
-    loss, numbers = instance_loss(student, samples, PPO)
-    _, others = representation_loss(student, samples, None, 0.0, ppo)
+    loss, numbers = instance_loss(student, samples, spec_of(PPO))
+    _, others = representation_loss(student, samples, None, spec_of(ppo))
     assert_close(loss, others["policy_loss"])
-    log_probs = student.policy(samples.frames.take(samples.rows)).log_prob(samples.actions)
+    log_probs = student.policy(samples.observations.take(samples.rows)).log_prob(samples.actions)
     assert_close(numbers["log_ratio"], (log_probs - samples.behavior_log_probs).mean(1))
     loss.sum().backward()
     assert student.gradients[:, : student.n_policy].any()
@@ -276,8 +271,8 @@ def losses_and_gradients(samples):
     student, numbers = drawn(n_seeds=2), []
     teacher = teacher_at(samples)
     for loss, _ in (
-        representation_loss(student, samples, teacher, 0.4, PPO),
-        instance_loss(student, samples, PPO),
+        representation_loss(student, samples, teacher, spec_of(PPO, beta=0.4)),
+        instance_loss(student, samples, spec_of(PPO)),
     ):
         student.gradients.zero_()
         loss.sum().backward()
@@ -347,7 +342,7 @@ def test_the_policy_step_does_not_depend_on_the_critics():
 
 def test_learning_makes_good_actions_likelier_and_the_critic_truer():
     student, samples = drawn(), samples_of(32)
-    obs = samples.frames.take(samples.rows)
+    obs = samples.observations.take(samples.rows)
     samples = replace(
         samples, behavior_log_probs=student.policy(obs).log_prob(samples.actions).detach()
     )
@@ -367,7 +362,7 @@ def test_learning_makes_good_actions_likelier_and_the_critic_truer():
 def test_kickstarting_comes_closer_to_the_teacher():
     student, samples = drawn(), samples_of(32)
     teacher = teacher_at(samples)
-    obs = samples.frames.take(samples.rows)
+    obs = samples.observations.take(samples.rows)
     before = teacher.cross_entropy(student.policy(obs)).mean()
     ppo = PPO.model_copy(update={"n_epochs": 20, "minibatch_size": 32})
     optimizer = optimizer_of(student)
@@ -405,15 +400,15 @@ def moved(samples, learn, **coefficients):
 
 def test_alpha_scales_the_learning_rate_of_an_iteration():
     samples = samples_of(4)
-    for learn, name in ((learn_on_policy, "rate"), (learn_from_instances, "alpha_2")):
-        whole, half = moved(samples, learn), moved(samples, learn, **{name: 0.5})
+    for learn in (learn_on_policy, learn_from_instances):
+        whole, half = moved(samples, learn), moved(samples, learn, policy_scale=0.5)
         assert_close(half, whole / 2, rtol=1e-4, atol=1e-7)
 
 
 def test_alpha_weighs_the_two_losses_of_a_joint_update():
     student, samples, instances = drawn(), samples_of(4), samples_of(4, seed=1)
-    own = representation_loss(student, samples, None, 0.0, PPO)[0]
-    taught = instance_loss(student, instances, PPO)[0]
+    own = representation_loss(student, samples, None, spec_of(PPO))[0]
+    taught = instance_loss(student, instances, spec_of(PPO))[0]
     student.gradients.zero_()
     (0.3 * own + 2.0 * taught).sum().backward()
     expected = student.gradients.clone()

@@ -69,10 +69,10 @@ class Screen:
 def numbers_of(report: Report) -> str:
     """Return an iteration's numbers in a line of at most 78 characters."""
     stats, played = report.stats, report.evaluation
-    speed = stats.numbers["steps_per_second"][0]
+    speed = stats.metrics["steps_per_second"][0]
     parts = [stats.phase, f"{speed:,.0f} steps/s", f"return {played.returns.mean():.4g}"]
     if played.progress is not None:
         parts.append(f"progress {played.progress.mean():.0f} %")
-    if "kept_fraction" in stats.numbers:
-        parts.append(f"kept {np.mean(stats.numbers['kept_fraction']):.2f}")
+    if "kept_fraction" in stats.metrics:
+        parts.append(f"kept {np.mean(stats.metrics['kept_fraction']):.2f}")
     return " · ".join(parts)

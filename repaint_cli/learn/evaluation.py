@@ -84,7 +84,7 @@ def _episodes(task: Task, rollout: Rollout, seeds: list[int]) -> Episodes:
     }
 
     def observations() -> np.ndarray:
-        stores = [store.numpy() for store in rollout.frames.stores]
+        stores = [store.numpy() for store in rollout.observations.stores]
         return np.stack([store[rollout.index[:, s]] for s, store in enumerate(stores)])
 
     positions, targets = task.env.paths(valid, records, observations) or (None, None)
@@ -108,5 +108,5 @@ def _observations(rollout: Rollout) -> list[list[Any]]:
             each(lambda part, rows: part.numpy()[rows], store, after[valid])
             for after, valid in zip(rollout.index[1:, s].T, rollout.valid[:, s].T, strict=True)
         ]
-        for s, store in enumerate(rollout.frames.stores)
+        for s, store in enumerate(rollout.observations.stores)
     ]

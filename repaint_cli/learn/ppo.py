@@ -1,127 +1,156 @@
 """The loop of algorithms 1 and 2; it yields what happened and knows no files and no screen."""
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from time import perf_counter
+from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 import torch
+from torch import Tensor
 
 from repaint_cli.errors import DivergedError, locate_divergence
 from repaint_cli.learn.learner import Learner
-from repaint_cli.learn.on_policy import own_iteration
+from repaint_cli.learn.rollout.gae import Samples, describe, to_samples
 from repaint_cli.learn.rollout.storage import Rollout
-from repaint_cli.learn.transfer import schedules
-from repaint_cli.learn.transfer.teachers import Teacher, actors, transfer_instances
-from repaint_cli.learn.update.epochs import learn_from_instances
+from repaint_cli.learn.stats import IterationStats, Meter
+from repaint_cli.learn.transfer.course import Course, Iteration
+from repaint_cli.learn.transfer.instances import collect_instances
+from repaint_cli.learn.transfer.selection import moments, standardize
+from repaint_cli.learn.transfer.teachers import advise
+from repaint_cli.learn.update.spec import UpdateSpec
+from repaint_cli.learn.update.update import update
+from repaint_cli.policies.networks import ActorCritic
+from repaint_cli.settings import PPOConfig
 from repaint_cli.tasks.card import TaskCard
 
 
-@dataclass(frozen=True)
-class IterationStats:
-    """What one iteration did, a number per seed."""
-
-    iteration: int
-    """k, from 1."""
-    phase: schedules.Phase
-    """What the iteration was."""
-    numbers: dict[str, np.ndarray]
-    """The vocabulary of metrics.csv, (S,) each."""
-    rollout: Rollout | None = None
-    """How the student itself drove, without what it saw; None where the teacher did."""
-    steps: float = 0.0
-    """Environment steps of a seed in it, on average."""
-
-
-def train(
-    task: TaskCard, learner: Learner, teachers: Sequence[Teacher] = ()
-) -> Iterator[IterationStats]:
-    """Train until the task's number of iterations, yielding after each (paper, algorithms 1 and 2).
+def train(card: TaskCard, learner: Learner, course: Course) -> Iterator[IterationStats]:
+    """Train until the card's number of iterations, yielding after each (paper, algorithms 1 and 2).
 
     Args:
-        task: the target task; its `transfer` says what the teachers contribute, and with β₀ = 0 and
-            I = 0 this is clipped PPO.
+        card: the target task; with β₀ = 0 and I = 0 this is clipped PPO.
         learner: where to start from; it is changed in place.
-        teachers: whom to learn from, if anyone.
+        course: what the teachers contribute, and when; it is changed in place.
 
     Raises:
         CardError: the task cannot be rolled out as its card says.
         DivergedError: an observation, a reward, a loss or a weight is not finite.
     """
-    task.check_rollout()
-    for k in range(learner.iteration + 1, task.ppo.n_iterations + 1):
-        started, before = perf_counter(), learner.env_steps.copy()
-        phase = phase_of(k, task, learner, teachers) if teachers else "ppo"
-        now = task.model_copy(update={"ppo": schedules.ppo(k, task.ppo)})
-        learner.optimizer.learning_rate = now.ppo.learning_rate
+    card.check_rollout()
+    for k in range(learner.iteration + 1, card.ppo.n_iterations + 1):
+        meter, now, rollout = Meter(learner), course.start(k), None
+        learner.optimizer.learning_rate = now.learning_rate
         with locate_divergence(learner.seeds, f"iteration {k}"):
-            rollout = None
-            if phase == "instance":
-                numbers = _instance_iteration(now, learner, k, teachers)
+            if now.phase == "instance":
+                metrics = instance_iteration(card, learner, course, now)
             else:
-                numbers, rollout = own_iteration(now, learner, k, teachers, phase)
-                if phase == "representation" and not numbers["kickstart_coef"].any():
-                    phase = "ppo"  # nobody had anything to say
+                metrics, rollout = on_policy_iteration(card, learner, course, now)
             _check_weights(learner)
-        yield finished(learner, k, phase, numbers, rollout, before, perf_counter() - started)
+        yield meter.finish(course, now.phase, metrics, rollout)
 
 
-def phase_of(
-    k: int, task: TaskCard, learner: Learner, teachers: Sequence[Teacher]
-) -> schedules.Phase:
-    """Return what iteration k does: by R and I, or by what was measured."""
-    phase, transfer = schedules.phase(k, task.transfer), task.transfer
-    if not learner.measured or phase == "critic" or k > transfer.iterations:
-        return phase
-    if learner.measured.ended:
-        return "ppo"
-    if transfer.phases == "auto" and phase != "joint":
-        may = k > 1 + transfer.critic_warmup and not learner.after_instance
-        wanted = may and learner.measured.instance_next() and actors(teachers, task, learner)
-        return "instance" if wanted else "representation"
-    if phase == "instance" and not actors(teachers, task, learner):
-        return "representation"
-    return phase
-
-
-def _instance_iteration(
-    task: TaskCard, learner: Learner, k: int, teachers: Sequence[Teacher]
+def instance_iteration(
+    card: TaskCard, learner: Learner, course: Course, now: Iteration
 ) -> dict[str, np.ndarray]:
-    """Let teachers act and the student learn from the best of it (algorithm 2, even k)."""
-    kept, numbers = transfer_instances(task, learner, teachers, k)
-    _, alpha_2 = schedules.alphas(k, task.transfer)
-    return numbers | learn_from_instances(
-        learner.student, learner.optimizer, kept, task.ppo, learner.shuffles(k), alpha_2
-    )
+    """Let teachers act, and train the policies on the best of it (algorithm 2, even k).
 
-
-def finished(
-    learner: Learner,
-    k: int,
-    phase: schedules.Phase,
-    numbers: dict[str, np.ndarray],
-    rollout: Rollout | None,
-    before: np.ndarray,
-    seconds: float,
-) -> IterationStats:
-    """Count an iteration and return what it did.
-
-    Args:
-        learner: who learned.
-        k: the iteration.
-        phase: what it was.
-        numbers: what is worth telling, (S,) each.
-        rollout: how the students drove, if they did.
-        before: environment steps before it, (S,).
-        seconds: how long it took.
+    Returns:
+        The iteration's metrics, (S,) each.
     """
-    learner.iteration, learner.after_instance = k, phase == "instance"
-    taken = learner.env_steps - before
-    told = numbers | {
-        "env_steps": learner.env_steps.copy(),
-        "steps_per_second": np.full(taken.shape, taken.sum() / seconds),
+    instances, metrics = collect_instances(card, learner, course, now.k)
+    spec = UpdateSpec(
+        card.ppo, now.clip_range, loss="instance", networks="policy", policy_scale=now.policy_scale
+    )
+    rngs = learner.shuffles(now.k)
+    return metrics | update(learner.student, learner.optimizer, instances, spec, rngs)
+
+
+def on_policy_iteration(
+    card: TaskCard, learner: Learner, course: Course, now: Iteration
+) -> tuple[dict[str, np.ndarray], Rollout]:
+    """Let the students act and learn from it: PPO, with the cross-entropy where β_k > 0.
+
+    Advantages are from before the critic's fit, and both networks learn at once; or with
+    `ppo.advantages` "after" the critic learns first, as algorithms 1 and 2 write (odd k).
+
+    Returns:
+        The iteration's metrics, (S,) each, and the rollout without its observations.
+    """
+    student, ppo = learner.student, card.ppo
+    rollout = learner.collect(card, now.k)
+    learner.update_normalizer(rollout)
+    samples = _own_samples(student, rollout, ppo)
+    course.keep_batch(rollout, samples)
+    returns, lengths = rollout.mean_episodes()
+    metrics = {
+        "episode_return": returns,
+        "episode_length": lengths,
+        "explained_variance": _explained_variance(samples).numpy(),
     }
-    return IterationStats(k, phase, told, rollout, float(taken.mean()))
+    critic_first = now.phase == "critic" or ppo.advantages == "after"
+    if critic_first:
+        metrics |= _fit_critic(card, learner, now, samples)
+    if now.phase != "critic":
+        if critic_first:
+            fitted = to_samples(rollout, student.value, ppo)
+            samples = replace(samples, advantages=fitted.advantages)
+            course.keep_batch(rollout, samples)
+        metrics |= _learn(card, learner, course, now, samples)
+        course.after_own_iteration(now.k, lambda: to_samples(rollout, student.value, ppo))
+    return metrics, rollout.without_observations()
+
+
+def _own_samples(student: ActorCritic, rollout: Rollout, ppo: PPOConfig) -> Samples:
+    """Return the students' samples, by their normalisers as they are after the rollout."""
+    samples = to_samples(rollout, student.value, ppo)
+    if not student.normalizer and ppo.objective != "trpo":
+        return samples
+    policy = describe(student.policy, samples)
+    if student.normalizer:  # new statistics make a new π_old: the first ratio is to be 1
+        samples = replace(samples, behavior_log_probs=policy.log_prob(samples.actions))
+    return replace(samples, behavior=policy if ppo.objective == "trpo" else None)
+
+
+def _batch(samples: Samples, ppo: PPOConfig) -> Samples:
+    """Return what is learned from: Â standardised over all samples, then no more than n_steps."""
+    return standardize(samples, moments(samples)).within(ppo)
+
+
+def _fit_critic(
+    card: TaskCard, learner: Learner, now: Iteration, samples: Samples
+) -> dict[str, np.ndarray]:
+    """Fit V to the returns, and leave the policies alone."""
+    spec = UpdateSpec(card.ppo, now.clip_range, networks="critic")
+    batch, rngs = _batch(samples, card.ppo), learner.shuffles(now.k)
+    return update(learner.student, learner.optimizer, batch, spec, rngs)
+
+
+def _learn(
+    card: TaskCard, learner: Learner, course: Course, now: Iteration, samples: Samples
+) -> dict[str, np.ndarray]:
+    """Follow L_rep, and in a joint iteration L_ins with it; fit V unless that is done already."""
+    batch, transfer = _batch(samples, card.ppo), card.transfer
+    instances, metrics = None, dict[str, np.ndarray]()
+    if now.phase == "joint" and course.actors():
+        instances, metrics = collect_instances(card, learner, course, now.k)
+    spec = UpdateSpec(
+        card.ppo,
+        now.clip_range,
+        networks="policy" if card.ppo.advantages == "after" else "both",
+        teacher=advise(course.teachers, now.betas, batch, transfer),
+        beta=now.betas.sum(0),
+        policy_scale=now.policy_scale,
+        instances=instances,
+        alphas=(transfer.alpha_1, transfer.alpha_2),
+    )
+    metrics |= update(learner.student, learner.optimizer, batch, spec, learner.shuffles(now.k))
+    return metrics | {"kickstart_coef": now.betas.sum(0).numpy()}
+
+
+def _explained_variance(samples: Samples) -> Tensor:
+    """Return 1 − Var(R̂ − V) / Var(R̂), (S,): how much of the returns the critic predicted."""
+    _, error = moments(samples)  # R̂ = Â + V, so R̂ − V = Â
+    _, spread = moments(replace(samples, advantages=samples.returns))
+    return (1 - error**2 / (spread**2).clamp(min=1e-12)).squeeze(1)
 
 
 def _check_weights(learner: Learner) -> None:

@@ -36,7 +36,7 @@ def alarms_of(
     """
     k = report.stats.iteration
     problems = [] if len(before) else [*_check_scale(report)]
-    if "kept_reward" in report.stats.numbers:
+    if "kept_reward" in report.stats.metrics:
         problems += [*_check_kept(report, rule), *_check_teachers(report)]
         problems += _check_outcome(report, before[-1:])
     if reference is not None:
@@ -57,7 +57,7 @@ def _check_scale(report: Report) -> Iterator[tuple[str, str]]:
 
 
 def _check_kept(report: Report, rule: str) -> Iterator[tuple[str, str]]:
-    numbers = report.stats.numbers
+    numbers = report.stats.metrics
     kept, own = numbers["kept_reward"], numbers["student_reward"]
     worse = kept < own  # not where nothing was kept: kept is nan
     if not numbers["kept_fraction"].any():
@@ -126,7 +126,7 @@ def _check_against(
 
 def _mean(report: Report, name: str) -> float:
     """Return a number's mean over the seeds that have it, nan if none has."""
-    known = report.stats.numbers.get(name, np.empty(0))
+    known = report.stats.metrics.get(name, np.empty(0))
     known = known[np.isfinite(known)]
     return float(known.mean()) if len(known) else float("nan")
 

@@ -14,19 +14,22 @@ from repaint_cli.errors import RepaintError, StoreError, locate_divergence
 from repaint_cli.learn import ppo, q_learning
 from repaint_cli.learn.evaluation import evaluate
 from repaint_cli.learn.learner import Learner
+from repaint_cli.learn.transfer.course import Course
+from repaint_cli.learn.transfer.courses import course_of
 from repaint_cli.policies.networks import ActorCritic
 from repaint_cli.provenance import versions
 from repaint_cli.runs import evaluations
 from repaint_cli.runs.alarms import alarms_of, reference_beside
 from repaint_cli.runs.folder import RunFolder
-from repaint_cli.runs.measuring import inform, measure
+from repaint_cli.runs.measuring import begin, inform
 from repaint_cli.runs.metrics import Report, append_csv, start_csv
 from repaint_cli.runs.plan import Plan
 from repaint_cli.runs.policies import is_of_iteration, write_policy
 from repaint_cli.runs.record import Alarm, RunRecord, alarms_until
 from repaint_cli.runs.resume import RunState, restore, save_checkpoint, settle
-from repaint_cli.runs.teachers import LoadedTeachers, warm_start
+from repaint_cli.runs.teachers import LoadedTeachers, warm_start, with_terms_of
 from repaint_cli.tasks import trust
+from repaint_cli.tasks.card import TaskCard
 from repaint_cli.tasks.methods import METHODS
 from repaint_cli.zoo import store
 from repaint_cli.zoo.scoring import score
@@ -41,10 +44,14 @@ class Experiment:
 
     plan: Plan
     """What to do."""
+    card: TaskCard
+    """The target task as it is carried out."""
     teachers: LoadedTeachers
     """Whom to learn from."""
     learner: Learner
     """The students, as far as they are."""
+    course: Course
+    """How the transfer proceeds, as far as it has."""
     record: RunRecord
     """What run.json says, or will say."""
     reference: np.ndarray | None
@@ -86,7 +93,7 @@ class Experiment:
         trust.check(plan.target, plan.folder)
         experiment, began = cls._prepared(plan), RunRecord.read(plan.files)
         began.check_resumable(plan.files)
-        experiment.state = restore(plan, experiment.teachers, experiment.learner)
+        experiment.state = restore(plan, experiment.teachers, experiment.learner, experiment.course)
         record, k = experiment.record, experiment.learner.iteration
         record.versions, record.threads = began.versions, began.threads
         record.resumed, record.iterations = began.resumed, k
@@ -105,7 +112,9 @@ class Experiment:
         reference = None
         if teachers.teachers:
             reference = reference_beside(plan.folder, plan.target, plan.algorithm)
-        return cls(plan, teachers, learner, plan.new_record(teachers), reference)
+        card = with_terms_of(teachers.cards, plan.target)
+        course = course_of(card, teachers.teachers, len(plan.seeds))
+        return cls(plan, card, teachers, learner, course, plan.new_record(teachers), reference)
 
     def _write_first(self, files: RunFolder) -> None:
         self.record.write(files)
@@ -124,21 +133,20 @@ class Experiment:
             yield from self._run()
 
     def _run(self) -> Iterator[Report]:
-        learner, task = self.learner, self.plan.target
+        learner, card = self.learner, self.card
         started, outcome = perf_counter() - self.state.seconds, "interrupted"
-        if logs := task.env.logs:
+        if logs := card.env.logs:
             places = logs.folders(self.plan.folder, self.plan.seeds)
-            self._logs = [logs.open(path, self.plan.task.logged) for path in places]
+            self._logs = [logs.open(path, card.logged) for path in places]
         self._settle()
         self._write_record("running")
         try:
-            if task.automatic and self.teachers.teachers and not learner.measured:
-                measure(task, learner, self.teachers.teachers)
-            for stats in TRAINERS[self.plan.algorithm](task, learner, self.teachers.teachers):
+            begin(card, learner, self.course)
+            for stats in TRAINERS[self.plan.algorithm](card, learner, self.course):
                 k = stats.iteration
                 with locate_divergence(learner.seeds, f"evaluation after iteration {k}"):
-                    episodes = evaluate(learner.student, task, learner.seeds, task.eval.episodes, k)
-                inform(task, learner, stats, episodes)
+                    episodes = evaluate(learner.student, card, learner.seeds, card.eval.episodes, k)
+                inform(learner, self.course, stats, episodes)
                 report = Report(stats, episodes, perf_counter() - started)
                 self.save(report)
                 yield report
@@ -168,7 +176,7 @@ class Experiment:
         self.record.add_alarms(self.newest_alarms, files)
         state.add_evaluation(k, report.evaluation.returns)
         state.seconds, state.logs = report.seconds, [log.position for log in self._logs]
-        save_checkpoint(self.plan, self.teachers, self.learner, state)
+        save_checkpoint(self.plan, self.teachers, self.learner, self.course, state)
         self._keep_best()
 
     def _keep_best(self) -> None:
@@ -190,7 +198,7 @@ class Experiment:
     def _forget_half_done(self) -> None:
         """Go back to the last iteration that is on disk as a whole."""
         seconds = self.state.seconds
-        self.state = restore(self.plan, self.teachers, self.learner)
+        self.state = restore(self.plan, self.teachers, self.learner, self.course)
         self.state.seconds = seconds
         done = self.learner.iteration
         self.record.alarms = [alarm for alarm in self.record.alarms if alarm.iteration <= done]

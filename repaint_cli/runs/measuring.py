@@ -1,48 +1,48 @@
-"""What automatic transfer goes by: how teachers and students do when they are evaluated."""
+"""Evaluations that the course of a transfer goes by: their episodes count as steps."""
 
-from collections.abc import Sequence
+import numpy as np
 
 from repaint_cli.envs.episodes import Episodes
 from repaint_cli.errors import CardError, locate_divergence
 from repaint_cli.learn.evaluation import evaluate
 from repaint_cli.learn.learner import Learner
-from repaint_cli.learn.ppo import IterationStats
-from repaint_cli.learn.transfer.measured import Measured
-from repaint_cli.learn.transfer.teachers import Teacher
+from repaint_cli.learn.stats import IterationStats
+from repaint_cli.learn.transfer.course import Course
+from repaint_cli.policies.networks import ActorCritic
 from repaint_cli.tasks.card import TaskCard
 
 
-def check_episodes(task: TaskCard) -> None:
+def check_episodes(card: TaskCard) -> None:
     """Check that an evaluation has episodes enough for a standard error.
 
     Raises:
-        CardError: it has one.
+        CardError: the transfer is automatic, and an evaluation has one episode.
     """
-    if task.automatic and task.eval.episodes < 2:
+    if card.automatic and card.eval.episodes < 2:
         raise CardError(
             "expected at least 2 episodes per evaluation where the transfer is automatic, found "
-            f"{task.eval.episodes}; try --eval-episodes 5"
+            f"{card.eval.episodes}; try --eval-episodes 5"
         )
 
 
-def measure(task: TaskCard, learner: Learner, teachers: Sequence[Teacher]) -> None:
-    """Evaluate students and teachers in the target task; such episodes count as steps.
+def begin(card: TaskCard, learner: Learner, course: Course) -> None:
+    """Let a course evaluate students and teachers before the first iteration, if it needs to.
 
     Raises:
         DivergedError: an observation or a reward is not finite.
     """
-    networks = [learner.student, *(teacher.network for teacher in teachers)]
+
+    def play(network: ActorCritic) -> np.ndarray:
+        episodes = evaluate(network, card, learner.seeds, card.eval.episodes)
+        learner.env_steps += episodes.lengths.sum(1)
+        return episodes.returns
+
     with locate_divergence(learner.seeds, "evaluation before the first iteration"):
-        played = [evaluate(net, task, learner.seeds, task.eval.episodes) for net in networks]
-    learner.env_steps += sum(episodes.lengths.sum(1) for episodes in played)
-    own, *taught = [episodes.returns for episodes in played]
-    learner.measured = Measured(own, taught)
+        course.begin(learner.student, play)
 
 
-def inform(task: TaskCard, learner: Learner, stats: IterationStats, played: Episodes) -> None:
-    """Take in an evaluation, as long as the transfer lasts; such episodes count as steps."""
-    if learner.measured is None or learner.measured.ended:
-        return
-    if stats.iteration < task.transfer.iterations:
-        learner.measured.see_student(played.returns, stats.steps, stats.phase)
+def inform(learner: Learner, course: Course, stats: IterationStats, played: Episodes) -> None:
+    """Tell a course how the evaluation after an iteration went."""
+    used = course.after_evaluation(stats.iteration, stats.phase, stats.steps, played.returns)
+    if used:
         learner.env_steps += played.lengths.sum(1)

@@ -12,7 +12,7 @@ import numpy as np
 from repaint_cli.envs.episodes import Episodes
 from repaint_cli.errors import CheckpointError
 from repaint_cli.files.atomic import append_text, write_errors, write_text
-from repaint_cli.learn.ppo import IterationStats
+from repaint_cli.learn.stats import IterationStats
 
 COLUMNS = (
     "iteration", "seed", "phase", "env_steps", "eval_return", "eval_return_std", "eval_length",
@@ -37,8 +37,8 @@ class Report:
     @property
     def rows(self) -> list[dict[str, Any]]:
         """The rows of metrics.csv but for the seed's name, one per seed."""
-        episodes, numbers = self.evaluation, self.stats.numbers
-        per_seed = numbers | {
+        episodes = self.evaluation
+        per_seed = self.stats.metrics | {
             "eval_return": episodes.returns.mean(1),
             "eval_return_std": episodes.returns.std(1),
             "eval_length": episodes.lengths.mean(1),

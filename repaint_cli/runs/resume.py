@@ -12,6 +12,7 @@ import numpy as np
 from repaint_cli.errors import CheckpointError
 from repaint_cli.files.atomic import atomic_write
 from repaint_cli.learn.learner import Learner
+from repaint_cli.learn.transfer.course import Course
 from repaint_cli.runs.alarms import IN_A_ROW
 from repaint_cli.runs.checkpoint import load_learner, save_learner
 from repaint_cli.runs.folder import remove
@@ -80,7 +81,7 @@ class RunState:
 
 
 def save_checkpoint(
-    plan: Plan, teachers: LoadedTeachers, learner: Learner, state: RunState
+    plan: Plan, teachers: LoadedTeachers, learner: Learner, course: Course, state: RunState
 ) -> None:
     """Write all that the run is after an iteration; keep as many earlier ones as planned.
 
@@ -91,7 +92,7 @@ def save_checkpoint(
     if plan.keep > 1 and files.checkpoint.is_file():
         _copy(files.checkpoint, files.earlier_checkpoint(k - 1))
     notes = {"run": plan.identity(teachers), "past": state.as_json()}
-    save_learner(files.checkpoint, learner, notes)
+    save_learner(files.checkpoint, learner, course, notes)
     if plan.keep > 1:
         remove(files.earlier_checkpoint(k - plan.keep))
 
@@ -110,8 +111,8 @@ def _copy(path: Path, other: Path) -> None:
             shutil.copyfile(path, temporary)
 
 
-def restore(plan: Plan, teachers: LoadedTeachers, learner: Learner) -> RunState:
-    """Put a learner back to the end of a run's last whole iteration; return what else was.
+def restore(plan: Plan, teachers: LoadedTeachers, learner: Learner, course: Course) -> RunState:
+    """Put a learner and its course back to a run's last whole iteration; return what else was.
 
     A run that was stopped before its first checkpoint begins anew. Where the newest checkpoint is
     damaged, the newest whole one of those kept counts.
@@ -126,7 +127,7 @@ def restore(plan: Plan, teachers: LoadedTeachers, learner: Learner) -> RunState:
     problems = []
     for path in (newest, *earlier.values()):
         try:
-            notes = load_learner(path, learner)
+            notes = load_learner(path, learner, course)
             state = RunState.from_notes(notes, path)
         except CheckpointError as error:
             problems.append(error)

@@ -62,6 +62,7 @@ def load_teachers(
     _check_shares(task, sum(acts), beside)
     _check_relevance(task, spaces)
     teachers, records = list[Teacher](), list[TeacherRecord]()
+    task = with_terms_of(cards, task)
     for path, card, act in zip(paths, cards, acts, strict=True):
         network, _ = store.load_teacher(path, seeds)
         teachers.append(Teacher(network, act, _weights(card, task), cosine(card.task, task)))
@@ -114,6 +115,17 @@ def _check_relevance(task: TaskCard, spaces: Spaces) -> None:
         return
     if spaces.image:
         raise CardError(f"expected vectors to observe with --select rbt, found {spaces}")
+
+
+def with_terms_of(cards: Sequence[TeacherCard], task: TaskCard) -> TaskCard:
+    """Return the target with the teachers' terms too, where it is asked what each would be paid.
+
+    That is for selection by relevance; terms that the target does not name weigh 0 in it.
+    """
+    if task.select.rule != "rbt" or not task.transfer.instance or task.reward_code:
+        return task
+    terms = {name for card in cards if not card.task.reward_code for name in card.task.reward}
+    return task.naming(terms)
 
 
 def _weights(card: TeacherCard, task: TaskCard) -> np.ndarray | None:

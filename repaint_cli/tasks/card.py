@@ -5,10 +5,11 @@ from collections.abc import Mapping
 from typing import Any
 
 from pydantic import ValidationError, field_validator
+from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from repaint_cli.envs.logs import LoggedRun
 from repaint_cli.errors import CardError, NotFound, UsageError
-from repaint_cli.settings import Settings, first_problem
+from repaint_cli.settings import Settings, TransferConfig, first_problem
 from repaint_cli.tasks.recipe import Recipe
 from repaint_cli.tasks.task import Task
 
@@ -35,6 +36,16 @@ class TaskCard(Recipe, Task, Titled):
 
     __eq__ = Settings.__eq__
     __hash__ = None  # type: ignore[assignment]
+
+    @field_validator("transfer")
+    @classmethod
+    def _method_decides(cls, transfer: TransferConfig) -> TransferConfig:
+        """Refuse joint updates on a card: which parts of REPAINT are on is the method's matter."""
+        if transfer.joint:
+            found = PydanticCustomError("joint", "expected False; use --method repaint-joint")
+            where = InitErrorDetails(type=found, loc=("joint",), input=True)
+            raise ValidationError.from_exception_data(cls.__name__, [where])
+        return transfer
 
     @property
     def task(self) -> Task:

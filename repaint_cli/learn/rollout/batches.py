@@ -7,38 +7,38 @@ from typing import Any, Self
 import torch
 from torch import Tensor
 
-from repaint_cli.learn.rollout.observations import Frames
+from repaint_cli.learn.rollout.observations import Observations
 from repaint_cli.policies.distributions import concat_policies
 from repaint_cli.settings import PPOConfig
 
 
-class Batch:
-    """What a batch can do; its fields beside `frames` and `counts` have an entry each, (S, B, …).
+class SeedBatch:
+    """Entries of S seeds, (S, B, …) in every field beside `observations` and `counts`.
 
-    Each seed's first counts[s] entries are real. Fields named `…rows` refer to the frames.
+    Each seed's first counts[s] entries are real. Fields named `…rows` refer to the observations.
     """
 
-    frames: Frames
+    observations: Observations
     counts: Tensor
 
     @property
-    def parts(self) -> dict[str, Any]:
+    def columns(self) -> dict[str, Any]:
         """The fields with an entry each, by name; None where one is absent."""
-        names = [part.name for part in fields(self) if part.name not in ("frames", "counts")]  # type: ignore[arg-type]
-        return {name: getattr(self, name) for name in names}
+        names = [field.name for field in fields(self)]  # type: ignore[arg-type]
+        return {n: getattr(self, n) for n in names if n not in ("observations", "counts")}
 
     @property
     def mask(self) -> Tensor:
         """Which entries are real, (S, B) bool."""
-        width = self.parts["rows"].shape[1]
+        width = self.columns["rows"].shape[1]
         return torch.arange(width) < self.counts.unsqueeze(1)
 
     def pick(self, positions: Tensor, counts: Tensor) -> Self:
         """Return the entries at positions (S, K), of which each seed's first counts[s] are real."""
         seeds = torch.arange(len(positions)).unsqueeze(1)
         picked = {
-            name: None if part is None else part[seeds, positions]
-            for name, part in self.parts.items()
+            name: None if column is None else column[seeds, positions]
+            for name, column in self.columns.items()
         }
         return replace(self, counts=counts, **picked)  # type: ignore[type-var]
 
@@ -54,35 +54,37 @@ class Batch:
         """
         if ppo.n_episodes or ppo.n_steps is None or not ppo.whole_episodes:
             return self
-        return self.first(share_of(ppo.n_steps, which, of))
+        return self.first(even_share(ppo.n_steps, which, of))
 
     @classmethod
-    def together(cls, several: Sequence[Self]) -> Self:
+    def concatenate(cls, several: Sequence[Self]) -> Self:
         """Return several batches as one, each seed's entries in order."""
         if len(several) == 1:
             return several[0]
         before = torch.zeros(len(several[0].counts), 1, dtype=torch.int64)
-        columns: dict[str, list[Any]] = {name: [] for name in several[0].parts}
+        columns: dict[str, list[Any]] = {name: [] for name in several[0].columns}
         for batch in several:
-            for name, part in batch.parts.items():
-                columns[name].append(part + before if name.endswith("rows") else part)
-            before = before + batch.frames.sizes.unsqueeze(1)
+            for name, column in batch.columns.items():
+                columns[name].append(column + before if name.endswith("rows") else column)
+            before = before + batch.observations.sizes.unsqueeze(1)
         whole = replace(
             several[0],  # type: ignore[type-var]
-            frames=Frames.together([batch.frames for batch in several]),
-            **{name: _end_to_end(column) for name, column in columns.items()},
+            observations=Observations.concatenate([batch.observations for batch in several]),
+            **{name: _concatenated(column) for name, column in columns.items()},
         )
         return whole.pick(*front(torch.cat([batch.mask for batch in several], 1)))
 
 
-def _end_to_end(column: Sequence[Any]) -> Any:
-    if column[0] is None:
+def _concatenated(columns: Sequence[Any]) -> Any:
+    if columns[0] is None:
         return None
-    return torch.cat(list(column), 1) if isinstance(column[0], Tensor) else concat_policies(column)
+    return (
+        torch.cat(list(columns), 1) if isinstance(columns[0], Tensor) else concat_policies(columns)
+    )
 
 
-def share_of(total: int, which: int, of: int) -> int:
-    """Return what falls to one of several who share evenly, the first of them first."""
+def even_share(total: int, which: int, of: int) -> int:
+    """Return the share of number `which` of several who share a total; the first get the rest."""
     return total // of + (which < total % of)
 
 

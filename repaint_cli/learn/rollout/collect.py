@@ -1,7 +1,8 @@
-"""Drive S × N environments with a policy until every seed has enough."""
+"""Act in S × N environments with a policy until every seed has enough steps or episodes."""
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from math import isfinite
 from typing import Any
 
@@ -12,8 +13,8 @@ from torch import Tensor
 
 from repaint_cli.envs.reward_terms import RewardTerms
 from repaint_cli.errors import DivergedError
-from repaint_cli.learn.rollout.observations import each, parts
-from repaint_cli.learn.rollout.storage import Rollout, Tape
+from repaint_cli.learn.rollout.observations import arrays_of, each
+from repaint_cli.learn.rollout.storage import Rollout, RolloutBuilder
 from repaint_cli.learn.seeding import Purpose, env_seeds
 from repaint_cli.policies.distributions import Distribution
 from repaint_cli.tasks.card import TaskCard
@@ -23,7 +24,7 @@ Policy = Callable[[Any, Sequence[int]], Distribution]
 
 
 def start(
-    task: TaskCard,
+    card: TaskCard,
     seeds: list[int],
     n_envs: int,
     purpose: Purpose,
@@ -38,13 +39,12 @@ def start(
     Evaluation starts are spread over the task's starts; training starts go on where the last
     iteration's ended.
     """
-    env = task.make_env(
-        len(seeds) * n_envs, one_episode=one_episode, noise=task.eval if noise else None
+    env = card.make_env(
+        len(seeds) * n_envs, one_episode=one_episode, noise=card.eval if noise else None
     )
     spread = purpose in (Purpose.EVALUATE, Purpose.SCORE)
-    options = task.start_options(len(seeds), n_envs, None if spread else iteration)
-    drawn = env_seeds(seeds, purpose, iteration, n_envs, stream)
-    obs, _ = env.reset(seed=drawn, options=options)
+    options = card.start_options(len(seeds), n_envs, None if spread else iteration)
+    obs, _ = env.reset(seed=env_seeds(seeds, purpose, iteration, n_envs, stream), options=options)
     return env, obs
 
 
@@ -75,45 +75,38 @@ def collect(
         DivergedError: an observation or a reward is not finite.
     """
     shape = (len(rngs), env.num_envs // len(rngs))  # (S, N)
-    tape = Tape(shape, record)
-    noise = _Noise(rngs, shape[1])
+    act = _Actor(policy, _Noise(rngs, shape[1]), greedy)
     with torch.no_grad(), _threads_for(obs):
-        return _play(env, obs, policy, tape, noise, n_steps, whole, greedy)
+        return _roll(env, obs, act, RolloutBuilder(shape, record), n_steps, whole)
 
 
-def _play(
+def _roll(
     env: RewardTerms,
     obs: Any,
-    policy: Policy,
-    tape: Tape,
-    noise: "_Noise",
+    act: "_Actor",
+    builder: RolloutBuilder,
     n_steps: int | None,
     whole: bool,
-    greedy: bool,
 ) -> Rollout:
-    """Act, step and remember until every seed has enough; see `collect`."""
-    shape = tape.shape
+    """Act and step until every seed has enough; see `collect`."""
+    shape = builder.shape
     taken = np.zeros(shape[0], int)
     running, resetting, acted = np.ones(shape, bool), np.zeros(shape, bool), np.zeros(shape, bool)
     while True:
         valid = running & ~resetting
         if n_steps is not None and not whole:  # no more than the seed still needs
             valid &= valid.cumsum(1) + taken[:, None] <= n_steps
-        obs = each(lambda part: part.reshape(*shape, *part.shape[1:]), obs)
-        for part in parts(obs):
-            _check_finite(part, valid | acted, "an observation", len(tape.steps))
-        tape.observe(obs, valid | acted)
+        obs = each(lambda array: array.reshape(*shape, *array.shape[1:]), obs)
+        for array in arrays_of(obs):
+            _check_finite(array, valid | acted, "an observation", builder.n_steps)
+        builder.add_observations(obs, valid | acted)
         if not running.any():
-            return tape.rollout()
-        actions, seats, distribution = _act(policy, obs, valid, noise, greedy)
-        obs, rewards, terminated, truncated, info = env.step(
-            clip(actions, env).reshape(-1, *actions.shape[2:])
-        )
-        rewards, terminated, truncated = (
-            x.reshape(shape) for x in (rewards, terminated, truncated)
-        )
-        _check_finite(rewards[..., None], valid, "a reward", len(tape.steps))
-        tape.act(seats, distribution, info, valid, actions, rewards, terminated, truncated)
+            return builder.build()
+        actions, envs, distribution = act(obs, valid)
+        obs, *outcomes, info = env.step(clip(actions, env).reshape(-1, *actions.shape[2:]))
+        rewards, terminated, truncated = (array.reshape(shape) for array in outcomes)
+        _check_finite(rewards[..., None], valid, "a reward", builder.n_steps)
+        builder.add_step(envs, distribution, info, valid, actions, rewards, terminated, truncated)
         taken += valid.sum(1)
         resetting, acted = terminated | truncated, valid
         if n_steps is None:
@@ -124,33 +117,44 @@ def _play(
             running[:] = False
 
 
-def _act(
-    policy: Policy, obs: Any, valid: np.ndarray, noise: "_Noise", greedy: bool
-) -> tuple[np.ndarray, Any, Distribution]:
-    """Choose actions (S, N, …), looking only at images that count.
+@dataclass(frozen=True)
+class _Actor:
+    """A policy that acts in S × N environments."""
 
-    Returns:
-        The actions, and the seats the distribution is about.
-    """
-    seats: Any = slice(None)
-    counts = [valid.shape[1]] * len(valid)
-    if any(part.ndim > 3 for part in parts(obs)):  # bring those that count to each row's front
-        order = np.argsort(~valid, axis=1, kind="stable")  # (S, N)
-        counts = valid.sum(1).tolist()
-        seats = (np.arange(len(valid))[:, None], order[:, : max(counts)])
-    distribution = policy(each(_tensor, obs, seats), counts)
-    drawn = distribution.mode() if greedy else distribution.sample(noise.draw(distribution, seats))
-    chosen = drawn.numpy()
-    actions = np.zeros((*valid.shape, *chosen.shape[2:]), chosen.dtype)
-    actions[seats] = chosen
-    return actions, seats, distribution
+    policy: Policy
+    noise: "_Noise"
+    greedy: bool
+    """Whether it takes the most likely action instead of a sample."""
+
+    def __call__(self, obs: Any, valid: np.ndarray) -> tuple[np.ndarray, Any, Distribution]:
+        """Choose actions (S, N, …); images where valid (S, N) is false are not looked at.
+
+        Returns:
+            The actions, the environments that the distribution is about (an index into (S, N)),
+            and the distribution.
+        """
+        envs: Any = slice(None)
+        counts = [valid.shape[1]] * len(valid)
+        if any(array.ndim > 3 for array in arrays_of(obs)):  # bring those that count to the front
+            order = np.argsort(~valid, axis=1, kind="stable")  # (S, N)
+            counts = valid.sum(1).tolist()
+            envs = (np.arange(len(valid))[:, None], order[:, : max(counts)])
+        distribution = self.policy(each(_tensor, obs, envs), counts)
+        chosen = (
+            distribution.mode()
+            if self.greedy
+            else distribution.sample(self.noise.draw(distribution, envs))
+        ).numpy()
+        actions = np.zeros((*valid.shape, *chosen.shape[2:]), chosen.dtype)
+        actions[envs] = chosen
+        return actions, envs, distribution
 
 
 @contextmanager
 def _threads_for(obs: Any) -> Iterator[None]:
     """Keep torch to one thread for vectors (S · N, O): others would spin against the simulator."""
     threads = torch.get_num_threads()
-    if all(part.ndim == 2 for part in parts(obs)):
+    if all(array.ndim == 2 for array in arrays_of(obs)):
         torch.set_num_threads(1)
     try:
         yield
@@ -158,9 +162,9 @@ def _threads_for(obs: Any) -> Iterator[None]:
         torch.set_num_threads(threads)
 
 
-def _tensor(array: np.ndarray, seats: Any) -> Tensor:
-    """Return some observations of an array as the networks read them."""
-    tensor = torch.from_numpy(np.ascontiguousarray(array[seats]))
+def _tensor(array: np.ndarray, envs: Any) -> Tensor:
+    """Return the observations of some environments as the networks read them."""
+    tensor = torch.from_numpy(np.ascontiguousarray(array[envs]))
     return tensor if tensor.dtype == torch.uint8 else tensor.float()
 
 
@@ -195,10 +199,11 @@ class _Noise:
         self._rngs, self._n_envs, self._t = rngs, n_envs, 0
         self._block = np.empty(0)
 
-    def draw(self, distribution: Distribution, seats: Any) -> Tensor:
+    def draw(self, distribution: Distribution, envs: Any) -> Tensor:
+        """Return the noise of one step for some environments, (S, N, A)."""
         if self._t % 64 == 0:
             shape = (64, self._n_envs, distribution.n_actions)
             self._block = np.stack([distribution.noise(rng, shape) for rng in self._rngs], axis=1)
-        drawn = self._block[self._t % 64]  # (S, N, A)
+        noise = self._block[self._t % 64]  # (S, N, A)
         self._t += 1
-        return torch.from_numpy(drawn[seats])
+        return torch.from_numpy(noise[envs])

@@ -8,26 +8,26 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from repaint_cli.learn.rollout.batches import Batch
+from repaint_cli.learn.rollout.batches import SeedBatch
 from repaint_cli.learn.rollout.collect import Policy
-from repaint_cli.learn.rollout.observations import Frames
+from repaint_cli.learn.rollout.observations import Observations
 from repaint_cli.learn.rollout.storage import Rollout
 from repaint_cli.learn.rollout.transitions import counts_of, flat
 from repaint_cli.policies.distributions import Distribution, concat_samples
 from repaint_cli.settings import PPOConfig
 
 CHUNK = 512
-"""Images a network looks at in one go; bounds the memory of a pass over a whole rollout."""
+"""Images in one pass of a network; bounds the memory of a pass over a whole rollout."""
 
 Value = Callable[[Any, Sequence[int]], Tensor]
 """Maps observations (S, B, *O), of which the first counts[s] are real, to V, (S, B)."""
 
 
 @dataclass(frozen=True)
-class Samples(Batch):
+class Samples(SeedBatch):
     """Transitions without order, ready for minibatches; each seed's first counts[s] are real."""
 
-    frames: Frames
+    observations: Observations
     """The observations they refer to."""
     rows: Tensor
     """Which observation each saw, (S, B) int64."""
@@ -47,9 +47,9 @@ class Samples(Batch):
     """μ(·|s), (S, B), where the objective asks for more of it than log μ(a|s)."""
 
     def __post_init__(self) -> None:
-        for name, part in self.parts.items():
-            if isinstance(part, Tensor) and part.shape[:2] != self.rows.shape:
-                found, wanted = tuple(part.shape[:2]), tuple(self.rows.shape)
+        for name, column in self.columns.items():
+            if isinstance(column, Tensor) and column.shape[:2] != self.rows.shape:
+                found, wanted = tuple(column.shape[:2]), tuple(self.rows.shape)
                 raise ValueError(f"{name} is {found}, rows are {wanted}")
 
 
@@ -85,7 +85,7 @@ def to_samples(rollout: Rollout, value: Value, ppo: PPOConfig) -> Samples:
     REINFORCE's relatedness R̂ − b, with R̂ the return and b = V, is λ = 1 (paper, appendix A).
 
     Args:
-        rollout: whoever acted; rewards are the target task's.
+        rollout: of the student or of a teacher; rewards are the target task's.
         value: the student's critic.
         ppo: γ, λ, and what a time limit means.
     """
@@ -101,7 +101,7 @@ def to_samples(rollout: Rollout, value: Value, ppo: PPOConfig) -> Samples:
     )
 
     return Samples(
-        frames=rollout.frames,
+        observations=rollout.observations,
         rows=flat(rollout, rollout.index[:-1]),
         actions=flat(rollout, rollout.actions),
         behavior_log_probs=flat(rollout, rollout.behavior_log_probs),
@@ -114,27 +114,32 @@ def to_samples(rollout: Rollout, value: Value, ppo: PPOConfig) -> Samples:
 
 def _values(rollout: Rollout, value: Value) -> np.ndarray:
     """Return V of every stored observation where it stands in the rollout, (T+1, S, N) float64."""
-    sizes = rollout.frames.sizes
+    sizes = rollout.observations.sizes
     rows = torch.minimum(torch.arange(int(sizes.max())).repeat(len(sizes), 1), sizes[:, None] - 1)
-    known: np.ndarray = torch.cat(list(_passes(value, rollout.frames, rows, sizes)), 1).numpy()
-    placed = [known[s][rollout.index[:, s]] for s in range(len(sizes))]
-    values: np.ndarray = np.stack(placed, 1).astype(np.float64)
+    stored: np.ndarray = torch.cat(
+        list(_passes(value, rollout.observations, rows, sizes)), 1
+    ).numpy()
+    per_seed = [stored[s][rollout.index[:, s]] for s in range(len(sizes))]
+    values: np.ndarray = np.stack(per_seed, 1).astype(np.float64)
     return values
 
 
 def describe(policy: Policy, samples: Samples) -> Distribution:
     """Return a policy's distributions at all samples, (S, B), without gradients."""
-    return concat_samples(list(_passes(policy, samples.frames, samples.rows, samples.counts)))
+    return concat_samples(list(_passes(policy, samples.observations, samples.rows, samples.counts)))
 
 
 def _passes(
-    network: Callable[[Any, Sequence[int]], Any], frames: Frames, rows: Tensor, counts: Tensor
+    network: Callable[[Any, Sequence[int]], Any],
+    observations: Observations,
+    rows: Tensor,
+    counts: Tensor,
 ) -> Iterator[Any]:
-    """Let a network look at observations (S, B) a chunk at a time, without gradients."""
-    chunk = rows.shape[1] if frames.small else CHUNK
-    for start in range(0, rows.shape[1], chunk):
-        part = rows[:, start : start + chunk]
-        real = (counts - start).clamp(0, part.shape[1]).tolist()
+    """Yield a network's outputs at observations (S, B), a chunk at a time, without gradients."""
+    size = rows.shape[1] if observations.small else CHUNK
+    for start in range(0, rows.shape[1], size):
+        chunk = rows[:, start : start + size]
+        real = (counts - start).clamp(0, chunk.shape[1]).tolist()
         with torch.no_grad():
-            seen = network(frames.take(part), real)
-        yield seen
+            outputs = network(observations.take(chunk), real)
+        yield outputs

@@ -15,36 +15,36 @@ BLOCK = 256
 def each(change: Callable[..., Any], obs: Any, *args: Any) -> Any:
     """Return change(array, *args) of an array of observations, or of each of several by name."""
     if isinstance(obs, Mapping):
-        return {name: change(part, *args) for name, part in obs.items()}
+        return {name: change(array, *args) for name, array in obs.items()}
     return change(obs, *args)
 
 
-def parts(obs: Any) -> list[Any]:
+def arrays_of(obs: Any) -> list[Any]:
     """Return the arrays of observations, one or several."""
     return list(obs.values()) if isinstance(obs, Mapping) else [obs]
 
 
-def stacked(rows: list[Any]) -> Any:
+def stacked(seeds: list[Any]) -> Any:
     """Return each seed's observations (B, *O) as one, (S, B, *O)."""
-    if isinstance(rows[0], Mapping):
-        return {name: torch.stack([row[name] for row in rows]) for name in rows[0]}
-    return torch.stack(rows)
+    if isinstance(seeds[0], Mapping):
+        return {name: torch.stack([own[name] for own in seeds]) for name in seeds[0]}
+    return torch.stack(seeds)
 
 
-def _end_to_end(rows: Sequence[Any]) -> Any:
-    if isinstance(rows[0], Mapping):
-        return {name: torch.cat([row[name] for row in rows]) for name in rows[0]}
-    return torch.cat(list(rows))
+def _concatenated(stores: Sequence[Any]) -> Any:
+    if isinstance(stores[0], Mapping):
+        return {name: torch.cat([store[name] for store in stores]) for name in stores[0]}
+    return torch.cat(list(stores))
 
 
-class Store:
-    """One seed's observations in one array that grows where it lies, so that none is there twice.
+class ObservationStore:
+    """One seed's observations in an array that grows in place, so that none is in memory twice.
 
     Images are uint8, all else float32.
     """
 
     def __init__(self, like: np.ndarray) -> None:
-        """Make room for observations such as like[0, 0]."""
+        """Start empty, for observations of the shape and type of like[0, 0]."""
         self._array = np.empty((0, *like.shape[2:]), np.uint8 if like.dtype == np.uint8 else "f4")
         self._size = 0
 
@@ -57,18 +57,18 @@ class Store:
         self._size = size
 
     def tensor(self) -> Tensor:
-        """Give all of them away, (M, *O); nothing can be added any more."""
+        """Return all of them, (M, *O), without a copy; nothing can be added afterwards."""
         self._resize(self._size)
         array = self._array
-        del self._array  # whose memory may move only while nobody else looks at it
+        del self._array  # its memory may move only while no tensor shares it
         return torch.from_numpy(array)
 
     def _resize(self, length: int) -> None:
-        # The check would count references of debuggers and tracers, too.
+        # numpy's check of references would count those of debuggers and tracers, too.
         self._array.resize((length, *self._array.shape[1:]), refcheck=False)
 
 
-class Frames:
+class Observations:
     """The observations of a rollout, each stored once; images stay uint8, seed by seed."""
 
     def __init__(self, stores: list[Any]) -> None:
@@ -81,19 +81,19 @@ class Frames:
             self._seeds = torch.arange(len(stores)).unsqueeze(1)
 
     @classmethod
-    def together(cls, several: Sequence["Frames"]) -> "Frames":
-        """Lay several rollouts' observations one after the other, seed by seed."""
-        stores = zip(*(frames.stores for frames in several), strict=True)
-        return cls([_end_to_end(rows) for rows in stores])
+    def concatenate(cls, several: Sequence["Observations"]) -> "Observations":
+        """Return several rollouts' observations one after the other, seed by seed."""
+        per_seed = zip(*(observations.stores for observations in several), strict=True)
+        return cls([_concatenated(stores) for stores in per_seed])
 
     @property
     def sizes(self) -> Tensor:
         """How many observations each seed has, (S,)."""
-        return torch.tensor([len(parts(store)[0]) for store in self.stores])
+        return torch.tensor([len(arrays_of(store)[0]) for store in self.stores])
 
     @property
     def small(self) -> bool:
-        """Whether all of them may be looked at in one go."""
+        """Whether they are small enough for one pass of a network over all of them."""
         return self._stacked is not None
 
     def take(self, rows: Tensor) -> Any:

@@ -1,14 +1,19 @@
-"""What is remembered of S × N environments: who acted, what was paid, how it ended."""
+"""Rollout storage: what happened in S × N environments, step by step."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 import torch
 
 from repaint_cli.envs.episodes import Steps
-from repaint_cli.learn.rollout.observations import Frames, Store, each, parts
+from repaint_cli.learn.rollout.observations import (
+    Observations,
+    ObservationStore,
+    arrays_of,
+    each,
+)
 from repaint_cli.policies.distributions import Distribution, concat_samples
 
 
@@ -16,8 +21,8 @@ from repaint_cli.policies.distributions import Distribution, concat_samples
 class Rollout:
     """What happened, step by step. Invalid entries (resets, ended episodes) are not to be read."""
 
-    frames: Frames
-    """The observations."""
+    observations: Observations
+    """The observations, each stored once."""
     index: np.ndarray
     """Where each observation is in its seed's store, (T+1, S, N); row t+1 truly followed row t."""
     actions: np.ndarray
@@ -69,67 +74,81 @@ class Rollout:
             mean_return, mean_length = (total / ended for total in sums)
         return mean_return, mean_length
 
+    def without_observations(self) -> "Rollout":
+        """Return the rollout without its observations, which fill memory and no table."""
+        return replace(self, observations=Observations([]))
 
-class Tape:
+
+class RolloutBuilder:
     """Lists that grow step by step, and become a Rollout."""
 
     def __init__(self, shape: tuple[int, int], record: Sequence[str]) -> None:
+        """Start empty, for (S, N) environments and further numbers from `info`, by name."""
         self.shape = shape
-        self.seen: list[Any] = []
-        self.kept: list[np.ndarray] = []
-        self.seats: list[Any] = []
-        self.distributions: list[Distribution] = []
-        self.steps: list[tuple[np.ndarray, ...]] = []
-        self.terms: list[np.ndarray] = []
-        self.records: dict[str, list[np.ndarray]] = {name: [] for name in record}
+        self.n_steps = 0
+        self._stores: list[Any] = []
+        self._stored: list[np.ndarray] = []
+        self._envs: list[Any] = []
+        self._distributions: list[Distribution] = []
+        self._steps: list[tuple[np.ndarray, ...]] = []
+        self._terms: list[np.ndarray] = []
+        self._records: dict[str, list[np.ndarray]] = {name: [] for name in record}
 
-    def observe(self, obs: Any, keep: np.ndarray) -> None:
-        """Store the observations (S, N, *O) where keep (S, N)."""
-        self.kept.append(keep)
-        if not self.seen:
-            self.seen = [each(Store, obs) for _ in keep]
-        for s, mask in enumerate(keep):
-            for store, part in zip(parts(self.seen[s]), parts(obs), strict=True):
-                store.append(part[s, mask])
+    def add_observations(self, obs: Any, mask: np.ndarray) -> None:
+        """Store the observations (S, N, *O) where mask (S, N)."""
+        self._stored.append(mask)
+        if not self._stores:
+            self._stores = [each(ObservationStore, obs) for _ in mask]
+        for s, row in enumerate(mask):
+            for store, array in zip(arrays_of(self._stores[s]), arrays_of(obs), strict=True):
+                store.append(array[s, row])
 
-    def act(
-        self, seats: Any, distribution: Distribution, info: dict[str, Any], *step: np.ndarray
+    def add_step(
+        self, envs: Any, distribution: Distribution, info: dict[str, Any], *step: np.ndarray
     ) -> None:
-        """Store a step: who might have done what, what was done, what came of it."""
-        self.seats.append(seats)
-        self.distributions.append(distribution)
-        self.steps.append(step)
-        self.terms.append(info["reward_terms"].reshape(*self.shape, -1))
-        for name, rows in self.records.items():
-            told = np.array(info[name], float)
-            rows.append(told.reshape(*self.shape, *told.shape[1:]))
+        """Store a step.
 
-    def rollout(self) -> Rollout:
+        Args:
+            envs: index into (S, N): the environments that the distribution is about.
+            distribution: π(·|s) there.
+            info: what the environments reported beside it.
+            step: valid, actions, rewards, terminations and truncations, (S, N, …) each.
+        """
+        self.n_steps += 1
+        self._envs.append(envs)
+        self._distributions.append(distribution)
+        self._steps.append(step)
+        self._terms.append(info["reward_terms"].reshape(*self.shape, -1))
+        for name, rows in self._records.items():
+            row = np.array(info[name], float)
+            rows.append(row.reshape(*self.shape, *row.shape[1:]))
+
+    def build(self) -> Rollout:
         """Stack what was stored."""
         valid, actions, rewards, terminated, truncated = map(
-            np.stack, zip(*self.steps, strict=True)
+            np.stack, zip(*self._steps, strict=True)
         )
-        frames = Frames([each(Store.tensor, seen) for seen in self.seen])
+        observations = Observations([each(ObservationStore.tensor, own) for own in self._stores])
         return Rollout(
-            frames, self._index(), actions, self._log_probs(actions), np.stack(self.terms), rewards,
-            terminated, truncated, valid,
-            {name: np.stack(rows) for name, rows in self.records.items()},
+            observations, self._index(), actions, self._log_probs(actions), np.stack(self._terms),
+            rewards, terminated, truncated, valid,
+            {name: np.stack(rows) for name, rows in self._records.items()},
         )  # fmt: skip
 
     def _index(self) -> np.ndarray:
-        """Return where each observation went in its seed's store, (T+1, S, N)."""
-        keep = np.stack(self.kept, 1)  # (S, T+1, N): a store is filled step by step
-        places = keep.reshape(len(keep), -1).cumsum(1).reshape(keep.shape) - 1
-        return np.where(keep, places, 0).swapaxes(0, 1)
+        """Return where each observation is in its seed's store, (T+1, S, N)."""
+        stored = np.stack(self._stored, 1)  # (S, T+1, N): a store is filled step by step
+        index = stored.reshape(len(stored), -1).cumsum(1).reshape(stored.shape) - 1
+        return np.where(stored, index, 0).swapaxes(0, 1)
 
     def _log_probs(self, actions: np.ndarray) -> np.ndarray:
-        """Return log μ(a|s) of actions (T, S, N, …) where somebody looked, (T, S, N), in one go."""
-        chosen = [step[seats] for step, seats in zip(actions, self.seats, strict=True)]
-        known = concat_samples(self.distributions).log_prob(
+        """Return log μ(a|s) of actions (T, S, N, …) where the policy was asked, (T, S, N)."""
+        chosen = [step[envs] for step, envs in zip(actions, self._envs, strict=True)]
+        known = concat_samples(self._distributions).log_prob(
             torch.from_numpy(np.concatenate(chosen, 1))
         )
         log_probs, start = np.zeros(actions.shape[:3], np.float32), 0
-        for step, seats, some in zip(log_probs, self.seats, chosen, strict=True):
-            step[seats] = known[:, start : start + some.shape[1]]
+        for step, envs, some in zip(log_probs, self._envs, chosen, strict=True):
+            step[envs] = known[:, start : start + some.shape[1]]
             start += some.shape[1]
         return log_probs

@@ -1,22 +1,24 @@
 """Transitions (s, a, s′, r) of a rollout, in the order of its samples."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from repaint_cli.learn.rollout.batches import Batch
-from repaint_cli.learn.rollout.observations import Frames
+from repaint_cli.learn.rollout.batches import SeedBatch
+from repaint_cli.learn.rollout.observations import Observations
 from repaint_cli.learn.rollout.storage import Rollout
+from repaint_cli.learn.states import below, with_prefix
 
 
 @dataclass(frozen=True)
-class Transitions(Batch):
+class Transitions(SeedBatch):
     """What followed what; each seed's first counts[s] are real."""
 
-    frames: Frames
+    observations: Observations
     """The observations they refer to."""
     rows: Tensor
     """Which observation is s, (S, B) int64."""
@@ -31,10 +33,31 @@ class Transitions(Batch):
     counts: Tensor
     """How many are real, (S,) int64."""
 
+    def state(self) -> dict[str, Tensor]:
+        """Return all as tensors, each seed's observations by themselves: store/0/camera."""
+        tensors = {**self.columns, "counts": self.counts}
+        for s, store in enumerate(self.observations.stores):
+            arrays = store if isinstance(store, Mapping) else {"": store}
+            tensors |= with_prefix(f"store/{s}/", arrays)
+        return tensors
+
+    @classmethod
+    def of_state(cls, state: Mapping[str, Tensor]) -> Self:
+        """Return the transitions that `state` described.
+
+        Raises:
+            KeyError: the counts are missing.
+            TypeError: a tensor is missing or unknown.
+        """
+        per_seed = [below(f"store/{s}/", state) for s in range(len(state["counts"]))]
+        stores: list[Any] = [arrays.get("", arrays) for arrays in per_seed]
+        columns = {n: tensor for n, tensor in state.items() if not n.startswith("store/")}
+        return cls(observations=Observations(stores), **columns)
+
 
 @dataclass(frozen=True)
 class Experience(Transitions):
-    """Transitions that remember who made them."""
+    """Transitions, each with whether a teacher acted."""
 
     from_teacher: Tensor
     """Whether a teacher acted, (S, B) bool."""
@@ -56,12 +79,12 @@ def transitions(rollout: Rollout, weights: np.ndarray | None = None) -> Transiti
     """Return a rollout's transitions, with rewards w·φ of its own task or of another.
 
     Args:
-        rollout: whoever acted.
+        rollout: of the student or of a teacher.
         weights: w of another task with the same terms, (F,); the rollout's own where absent.
     """
     rewards: Any = rollout.rewards if weights is None else rollout.reward_terms @ weights
     return Transitions(
-        frames=rollout.frames,
+        observations=rollout.observations,
         rows=flat(rollout, rollout.index[:-1]),
         next_rows=flat(rollout, rollout.index[1:]),
         actions=flat(rollout, rollout.actions),

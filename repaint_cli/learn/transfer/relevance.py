@@ -56,7 +56,7 @@ def relevance(target: Transitions, sources: Sequence[Transitions], select: Selec
 
 def _raw(batch: Transitions, s: int) -> tuple[Tensor, Tensor, Tensor]:
     n = int(batch.counts[s])
-    store = batch.frames.stores[s].double()
+    store = batch.observations.stores[s].double()
     here, there = store[batch.rows[s, :n]], store[batch.next_rows[s, :n]]
     actions = batch.actions[s, :n].double().reshape(n, -1)
     return torch.cat([here, actions], 1), there - here, batch.rewards[s, :n, None].double()

@@ -1,4 +1,4 @@
-"""What iteration k does, and how much of it: functions of k, which counts from 1."""
+"""What the card says of iteration k: functions of k, which counts from 1."""
 
 from typing import Literal
 
@@ -41,8 +41,6 @@ def kickstart_coefs(k: int, transfer: TransferConfig, n_teachers: int = 1) -> tu
     n = k - 1
     if transfer.kickstart_counts == "representation":
         n = sum(phase(j, transfer) in ("representation", "joint") for j in range(1, k))
-    if transfer.kickstart_schedule == "auto":
-        return transfer.betas(n_teachers)  # where nothing is measured
     share = {
         "geometric": transfer.kickstart_decay**n,
         "linear": 1 - n / transfer.iterations,
@@ -75,17 +73,14 @@ def alphas(k: int, transfer: TransferConfig) -> tuple[float, float]:
     return transfer.alpha_1 * power(k, transfer), transfer.alpha_2 * power(k, transfer)
 
 
-def ppo(k: int, config: PPOConfig) -> PPOConfig:
-    """Return PPO's numbers in iteration k.
+def clip_range(k: int, ppo: PPOConfig) -> float:
+    """Return ε, which falls in a straight line to 0 over `clip_decay` iterations, if given."""
+    return ppo.clip_range * _left(k, ppo.clip_decay)
 
-    ε falls in a straight line to 0 over `clip_decay` iterations, Adam's step size over
-    `learning_rate_decay`, where those are given.
-    """
-    now = {
-        "clip_range": config.clip_range * _left(k, config.clip_decay),
-        "learning_rate": config.learning_rate * _left(k, config.learning_rate_decay),
-    }
-    return config.model_copy(update=now)
+
+def learning_rate(k: int, ppo: PPOConfig) -> float:
+    """Return Adam's step size, which falls likewise over `learning_rate_decay`, if given."""
+    return ppo.learning_rate * _left(k, ppo.learning_rate_decay)
 
 
 def _left(k: int, iterations: int | None) -> float:

@@ -18,7 +18,7 @@ Moments = tuple[Tensor, Tensor]
 """Mean and standard deviation of a batch of advantages, (S, 1) each."""
 
 PRIORITY_FLOOR = 1e-6
-"""What prioritised replay adds to |Â′|, so that nothing is never drawn."""
+"""What prioritised replay adds to |Â′|, so that every sample may be drawn."""
 
 
 def moments(samples: Samples) -> Moments:
@@ -53,20 +53,20 @@ def rescale(samples: Samples, scale: str, student: Moments) -> Samples:
 
 
 @dataclass(frozen=True)
-class Chosen:
+class Selection:
     """Which samples to learn from, each seed with its own number."""
 
     positions: Tensor
-    """Where they are, (S, K) int64."""
+    """Their positions among all samples, (S, K) int64."""
     counts: Tensor
     """How many of them are real, (S,) int64."""
     weights: Tensor | None = None
     """How much each counts, (S, K); equally where absent."""
 
     def of(self, samples: Samples) -> Samples:
-        """Return the chosen ones; a weight w ≥ 0 makes Â′ to w·Â′, and so L_ins to w·L_ins.
+        """Return the chosen samples; a weight w ≥ 0 makes Â′ to w·Â′, and so L_ins to w·L_ins.
 
-        TRPO's penalty, which is no part of the paper's rival, stays as it is.
+        TRPO's penalty is not weighed: prioritised replay has none.
         """
         picked = samples.pick(self.positions, self.counts)
         if self.weights is None:
@@ -80,7 +80,7 @@ def select(
     threshold: float,
     rngs: Sequence[np.random.Generator],
     relevance: Tensor | None = None,
-) -> Chosen:
+) -> Selection:
     """Choose among the teachers' samples by the rule `config.rule`.
 
     Args:
@@ -94,14 +94,14 @@ def select(
         return prioritized(samples, config, rngs)
     if config.rule == "rbt":
         assert relevance is not None
-        return Chosen(*drawn(relevance, share_of(samples.counts, config.share), rngs))
+        return Selection(*drawn(relevance, share_counts(samples.counts, config.share), rngs))
     kept = {
         "zeta": lambda: above_threshold(samples.advantages, threshold),
         "abs": lambda: above_threshold(samples.advantages.abs(), threshold),
         "top": lambda: top_share(samples, config.share),
         "all": lambda: samples.mask,
     }[config.rule]() & samples.mask
-    return Chosen(*front(kept))
+    return Selection(*front(kept))
 
 
 def above_threshold(advantages: Tensor, threshold: float) -> Tensor:
@@ -112,18 +112,18 @@ def above_threshold(advantages: Tensor, threshold: float) -> Tensor:
 def top_share(samples: Samples, share: Tensor | float) -> Tensor:
     """Return where Â′ is among the highest ⌈q·n⌉ of a seed's n, (S, B) bool; q may be (S,)."""
     order = samples.advantages.masked_fill(~samples.mask, -torch.inf).argsort(1, descending=True)
-    first = torch.arange(order.shape[1]) < share_of(samples.counts, share).unsqueeze(1)
+    first = torch.arange(order.shape[1]) < share_counts(samples.counts, share).unsqueeze(1)
     return torch.zeros_like(first).scatter(1, order, first)
 
 
-def share_of(counts: Tensor, share: Tensor | float) -> Tensor:
-    """Return ⌈q·n⌉, (S,)."""
+def share_counts(counts: Tensor, share: Tensor | float) -> Tensor:
+    """Return how many of n samples the share q is, ⌈q·n⌉, (S,)."""
     return torch.ceil(share * counts.double() - 1e-9).long()
 
 
 def prioritized(
     samples: Samples, config: SelectConfig, rngs: Sequence[np.random.Generator]
-) -> Chosen:
+) -> Selection:
     """Draw by priority, with advantages in place of TD errors (Schaul et al. 2016, eqs. 1 and 3.4).
 
         P(j) = p_j^α / Σ_l p_l^α,   p_j = |Â′_j| + 10⁻⁶
@@ -137,8 +137,8 @@ def prioritized(
     importance = (samples.counts.unsqueeze(1) * chances) ** -config.importance_exponent
     importance = importance.where(samples.mask, 0.0)
     weights = (importance / importance.amax(1, keepdim=True)).float()
-    positions, counts = drawn(chances, share_of(samples.counts, config.share), rngs)
-    return Chosen(positions, counts, weights.gather(1, positions))
+    positions, counts = drawn(chances, share_counts(samples.counts, config.share), rngs)
+    return Selection(positions, counts, weights.gather(1, positions))
 
 
 def drawn(
@@ -149,11 +149,11 @@ def drawn(
     Returns:
         Positions, (S, K), and their counts, as given.
     """
-    heaps = chances.double().cumsum(1)
+    cumulative = chances.double().cumsum(1)
     longest = int(counts.max())
     rows = []
-    for heap, n, rng in zip(heaps, counts.tolist(), rngs, strict=True):
-        marks = torch.from_numpy((np.arange(n) + rng.random(n)) / max(n, 1)) * heap[-1]
-        rows.append(torch.searchsorted(heap, marks.clamp(max=heap[-1] * (1 - 1e-12)), right=True))
+    for sums, n, rng in zip(cumulative, counts.tolist(), rngs, strict=True):
+        points = torch.from_numpy((np.arange(n) + rng.random(n)) / max(n, 1)) * sums[-1]
+        rows.append(torch.searchsorted(sums, points.clamp(max=sums[-1] * (1 - 1e-12)), right=True))
     padded = [torch.nn.functional.pad(row, (0, longest - len(row))) for row in rows]
     return torch.stack(padded), counts

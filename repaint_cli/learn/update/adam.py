@@ -65,7 +65,7 @@ class RowAdam:
         """Put moments and step counts in place.
 
         Raises:
-            ValueError: they are of another network or other seeds.
+            ValueError: a tensor has another shape: the state is of another network or other seeds.
         """
         for name, tensor in self.state().items():
             if state[name].shape != tensor.shape:

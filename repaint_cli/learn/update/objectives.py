@@ -1,4 +1,4 @@
-"""What a minibatch asks of the networks: L_rep and L_ins, a number per seed (paper, section 4)."""
+"""The losses of a minibatch, a number per seed: L_rep and L_ins (paper, section 4)."""
 
 from collections.abc import Callable
 
@@ -13,15 +13,15 @@ from repaint_cli.learn.update.losses import (
     penalized_surrogate,
     squared_error,
 )
+from repaint_cli.learn.update.spec import UpdateSpec
 from repaint_cli.policies.distributions import Distribution
 from repaint_cli.policies.networks import ActorCritic
-from repaint_cli.settings import PPOConfig
 
 
 def mean_over(counts: Tensor, width: int) -> Callable[[Tensor], Tensor]:
-    """Return what takes each seed's mean of its first counts[s] numbers, (S, width) → (S,).
+    """Return the function that takes each seed's mean of its first counts[s] numbers.
 
-    The mean of none is 0.
+    It maps (S, width) to (S,); the mean of none is 0.
     """
     mask = torch.arange(width) < counts.unsqueeze(1)
     weights = mask / counts.clamp(min=1).unsqueeze(1)
@@ -33,8 +33,9 @@ def masked_mean(numbers: Tensor, counts: Tensor) -> Tensor:
     return mean_over(counts, numbers.shape[1])(numbers)
 
 
-def objective(policy: Distribution, log_probs: Tensor, batch: Samples, ppo: PPOConfig) -> Tensor:
+def objective(policy: Distribution, log_probs: Tensor, batch: Samples, spec: UpdateSpec) -> Tensor:
     """Return −L of each sample, (S, b), by `ppo.objective`; μ is whoever acted at the sample."""
+    ppo = spec.ppo
     if ppo.objective in ("a2c", "reinforce"):
         return log_likelihood(log_probs, batch.advantages)
     if ppo.objective == "trpo":
@@ -43,59 +44,64 @@ def objective(policy: Distribution, log_probs: Tensor, batch: Samples, ppo: PPOC
         return penalized_surrogate(
             log_probs, batch.behavior_log_probs, batch.advantages, kl, ppo.kl_coef
         )
-    return clipped_surrogate(log_probs, batch.behavior_log_probs, batch.advantages, ppo.clip_range)
+    return clipped_surrogate(log_probs, batch.behavior_log_probs, batch.advantages, spec.clip_range)
 
 
 def representation_loss(
     student: ActorCritic,
     batch: Samples,
     teacher: Distribution | None,
-    beta: Tensor | float,
-    ppo: PPOConfig,
+    spec: UpdateSpec,
 ) -> tuple[Tensor, dict[str, Tensor]]:
-    """Return −L_rep with the critic's loss and PPO's entropy bonus, (S,), and their parts.
+    """Return −L_rep with the critic's loss and PPO's entropy bonus, (S,), and metrics, (S,) each.
 
         L_rep(θ) = L_clip(θ) − β_k·H(π_teacher‖π_θ)      (paper, equation 2)
 
     L_clip gives way to `ppo.objective` (paper, appendix A). Without a teacher it is clipped PPO.
+
+    Args:
+        student: π_θ and its critic.
+        batch: the student's samples, (S, b).
+        teacher: π_teacher(·|s) at those samples.
+        spec: coefficients, with β_k.
     """
-    obs, counts = batch.frames.take(batch.rows), batch.counts
+    obs, counts = batch.observations.take(batch.rows), batch.counts
     policy = student.policy(obs, counts.tolist())
     values = student.value(obs, counts.tolist())
     log_probs, mean = policy.log_prob(batch.actions), mean_over(counts, batch.rows.shape[1])
-    numbers = {
-        "policy_loss": mean(objective(policy, log_probs, batch, ppo)),
+    metrics = {
+        "policy_loss": mean(objective(policy, log_probs, batch, spec)),
         "value_loss": mean(squared_error(values, batch.returns)),
         "entropy": mean(policy.entropy().expand_as(log_probs)),
-    } | _ratio_numbers(log_probs, batch, ppo.clip_range, mean)
+    } | _ratio_metrics(log_probs, batch, spec.clip_range, mean)
     loss = (
-        numbers["policy_loss"]
-        + ppo.vf_coef * numbers["value_loss"]
-        - ppo.ent_coef * numbers["entropy"]
+        metrics["policy_loss"]
+        + spec.vf_coef * metrics["value_loss"]
+        - spec.ppo.ent_coef * metrics["entropy"]
     )
     if teacher is not None:
-        numbers["cross_entropy"] = mean(teacher.cross_entropy(policy))
-        loss = loss + torch.as_tensor(beta, dtype=loss.dtype) * numbers["cross_entropy"]
-    return loss, numbers
+        metrics["cross_entropy"] = mean(teacher.cross_entropy(policy))
+        loss = loss + torch.as_tensor(spec.beta, dtype=loss.dtype) * metrics["cross_entropy"]
+    return loss, metrics
 
 
 def instance_loss(
-    student: ActorCritic, batch: Samples, ppo: PPOConfig
+    student: ActorCritic, batch: Samples, spec: UpdateSpec
 ) -> tuple[Tensor, dict[str, Tensor]]:
-    """Return −L_ins, (S,): the objective on teacher samples (paper, equation 3).
+    """Return −L_ins, (S,), the objective on teacher samples (paper, equation 3), and metrics.
 
     No cross-entropy, no entropy bonus, and no critic: its values are regressed on the student's own
     data only.
     """
-    policy = student.policy(batch.frames.take(batch.rows), batch.counts.tolist())
+    policy = student.policy(batch.observations.take(batch.rows), batch.counts.tolist())
     log_probs, mean = policy.log_prob(batch.actions), mean_over(batch.counts, batch.rows.shape[1])
-    loss = mean(objective(policy, log_probs, batch, ppo))
-    numbers = {"policy_loss": loss} | _ratio_numbers(log_probs, batch, ppo.clip_range, mean)
+    loss = mean(objective(policy, log_probs, batch, spec))
+    metrics = {"policy_loss": loss} | _ratio_metrics(log_probs, batch, spec.clip_range, mean)
     log_ratio = mean(log_probs - batch.behavior_log_probs)
-    return loss, numbers | {"log_ratio": log_ratio, "kept_clip_fraction": numbers["clip_fraction"]}
+    return loss, metrics | {"log_ratio": log_ratio, "kept_clip_fraction": metrics["clip_fraction"]}
 
 
-def _ratio_numbers(
+def _ratio_metrics(
     log_probs: Tensor, batch: Samples, clip_range: float, mean: Callable[[Tensor], Tensor]
 ) -> dict[str, Tensor]:
     with torch.no_grad():

@@ -1,8 +1,8 @@
 """Small dense networks, their derivatives and Adam, compiled: one policy or one critic at a time.
 
-The derivatives are those of `losses` and `distributions`, by hand. The records stand here, for
-numba's cache knows when this file changes and no other. Shapes: n samples of a seed, b of them in a
-minibatch, O observation, A actions, P parameters of a tower, which is a policy or a critic.
+The derivatives are those of `losses` and `distributions`. The records stand here because numba's
+cache notices changes of this file only. Shapes: n samples of a seed, b of them in a minibatch, O
+observation, A actions, P parameters of a network, which is a policy or a critic.
 """
 
 from math import exp, expm1, log, pi, sqrt
@@ -12,108 +12,67 @@ import numpy as np
 
 from repaint_cli.kernels import loose_kernel
 
-POLICY_NUMBERS = (
-    "policy_loss", "entropy", "cross_entropy", "approx_kl", "clip_fraction", "log_ratio"
-)  # fmt: skip
-"""What `learn_policy` tells of each of its steps, in this order."""
 
+class NetworkView(NamedTuple):
+    """A policy or a critic of one seed: its layers, the head last, and a minibatch's workspace."""
 
-class Tower(NamedTuple):
-    """A policy or a critic of one seed: views into the flat buffers, and room for a minibatch."""
-
-    weights: tuple[np.ndarray, ...]
-    """(in, out) of each layer, the head last."""
+    weights: tuple[np.ndarray, ...]  # (in, out) of each layer
     weight_gradients: tuple[np.ndarray, ...]
-    """(in, out) each."""
-    biases: tuple[np.ndarray, ...]
-    """(out,) each."""
+    biases: tuple[np.ndarray, ...]  # (out,) of each layer
     bias_gradients: tuple[np.ndarray, ...]
-    """(out,) each."""
-    outputs: tuple[np.ndarray, ...]
-    """Room for what each layer puts out, (b, out) each."""
-    slopes: tuple[np.ndarray, ...]
-    """Room for ∂L/∂(x·W + b) of each layer, (b, out) each."""
+    inputs: np.ndarray  # workspace: a minibatch's observations, (b, O)
+    outputs: tuple[np.ndarray, ...]  # workspace: what each layer puts out, (b, out)
+    slopes: tuple[np.ndarray, ...]  # workspace: ∂L/∂(x·W + b) of each layer, (b, out)
 
 
-class Row(NamedTuple):
-    """The same tower as Adam sees it, flat."""
+class AdamView(NamedTuple):
+    """The same network as Adam reads it: flat arrays, (P,) each."""
 
-    parameters: np.ndarray
-    """θ, (P,)."""
-    gradients: np.ndarray
-    """∂L/∂θ, (P,)."""
-    first: np.ndarray
-    """Adam's first moments, (P,)."""
-    second: np.ndarray
-    """Adam's second moments, (P,)."""
-    steps: int
-    """Steps taken before."""
+    parameters: np.ndarray  # θ
+    gradients: np.ndarray  # ∂L/∂θ
+    first: np.ndarray  # first moments
+    second: np.ndarray  # second moments
+    steps: int  # taken before
     learning_rate: float
-    """Adam's step size."""
     epsilon: float
-    """Adam's ε."""
 
 
-class Batch(NamedTuple):
-    """What one seed learns from, (n, …) each."""
+class PolicyData(NamedTuple):
+    """What one seed's policy learns from at each sample, and the coefficients of its loss."""
 
-    obs: np.ndarray
-    """Normalised observations, (n, O)."""
-    order: np.ndarray
-    """The order of the samples in every epoch, (epochs, n)."""
-    size: int
-    """Samples per minibatch; the remainder of an epoch is a smaller one."""
-
-
-class Choices(NamedTuple):
-    """What was done at each sample, and what the teacher would do."""
-
-    discrete: bool
-    """Whether the policy is categorical; otherwise it is Gaussian."""
-    actions: np.ndarray
-    """a, (n, A); a one-hot row where discrete."""
-    behavior_log_probs: np.ndarray
-    """log μ(a|s), (n,)."""
-    advantages: np.ndarray
-    """Â, (n,)."""
-    teacher: np.ndarray
-    """The teacher's mean, or log-probabilities, (n, A)."""
-    teacher_log_std: np.ndarray
-    """log τ of a Gaussian teacher, (n, A)."""
-    clip_range: float
-    """ε of the clipped surrogate."""
-    ent_coef: float
-    """Weight of the entropy bonus."""
-    beta: float
-    """β_k, weight of the cross-entropy."""
+    discrete: bool  # whether the policy is categorical; otherwise it is Gaussian
+    actions: np.ndarray  # a, (n, A); a one-hot row where discrete
+    behavior_log_probs: np.ndarray  # log μ(a|s), (n,)
+    advantages: np.ndarray  # Â, (n,)
+    teacher: np.ndarray  # the teacher's mean, or log-probabilities, (n, A)
+    teacher_log_std: np.ndarray  # log τ of a Gaussian teacher, (n, A)
+    clip_range: float  # ε
+    ent_coef: float  # weight of the entropy bonus
+    beta: float  # β_k, weight of the cross-entropy
 
 
 @loose_kernel
 def tanh(x: np.float32) -> np.float32:
-    """Return the hyperbolic tangent to 3·10⁻⁷, in arithmetic that becomes vector instructions.
-
-    Lambert's continued fraction at y = x/4, then twice tanh 2y = 2t/(1 + t²).
-    """
-    x = np.float32(9) if x > np.float32(9) else x  # a nan stays one
-    x = np.float32(-9) if x < np.float32(-9) else x
-    y = x * np.float32(0.25)
+    """Return tanh x to 3·10⁻⁷ by Lambert's fraction at x/4, then twice tanh 2y = 2t/(1 + t²)."""
+    f4 = np.float32
+    x = f4(9) if x > f4(9) else x  # a nan stays one
+    x = f4(-9) if x < f4(-9) else x
+    y = x * f4(0.25)
     s = y * y
-    over = np.float32(135135) + s * (np.float32(17325) + s * (np.float32(378) + s))
-    under = np.float32(135135) + s * (
-        np.float32(62370) + s * (np.float32(3150) + s * np.float32(28))
-    )
+    over = f4(135135) + s * (f4(17325) + s * (f4(378) + s))
+    under = f4(135135) + s * (f4(62370) + s * (f4(3150) + s * f4(28)))
     t = y * over / under
-    t = np.float32(2) * t / (np.float32(1) + t * t)
-    return np.float32(2) * t / (np.float32(1) + t * t)
+    t = f4(2) * t / (f4(1) + t * t)
+    return f4(2) * t / (f4(1) + t * t)
 
 
 @loose_kernel
-def forward(x: np.ndarray, tower: Tower) -> None:
+def forward(x: np.ndarray, network: NetworkView) -> None:
     """Fill the outputs of each layer, tanh(x·W + b), the head's without tanh; x is (b, O)."""
-    head = len(tower.weights) - 1
+    head = len(network.weights) - 1
     for layer in range(head + 1):
-        out, bias = tower.outputs[layer][: len(x)], tower.biases[layer]
-        np.dot(x, tower.weights[layer], out)
+        out, bias = network.outputs[layer][: len(x)], network.biases[layer]
+        np.dot(x, network.weights[layer], out)
         for i in range(len(x)):
             if layer == head:
                 for j in range(len(bias)):
@@ -125,61 +84,56 @@ def forward(x: np.ndarray, tower: Tower) -> None:
 
 
 @loose_kernel
-def backward(x: np.ndarray, tower: Tower) -> None:
+def backward(x: np.ndarray, network: NetworkView) -> None:
     """Fill the gradients from the head's slopes ∂L/∂out; x is (b, O), as `forward` saw it."""
-    for layer in range(len(tower.weights) - 1, -1, -1):
-        slope = tower.slopes[layer][: len(x)]
-        below = tower.outputs[layer - 1][: len(x)] if layer else x
-        np.dot(below.T, slope, tower.weight_gradients[layer])
-        bias_gradient = tower.bias_gradients[layer]
+    for layer in range(len(network.weights) - 1, -1, -1):
+        slope = network.slopes[layer][: len(x)]
+        below = network.outputs[layer - 1][: len(x)] if layer else x
+        np.dot(below.T, slope, network.weight_gradients[layer])
+        bias_gradient = network.bias_gradients[layer]
         bias_gradient[:] = 0
         for i in range(len(x)):
             for j in range(len(bias_gradient)):
                 bias_gradient[j] += slope[i, j]
         if layer:
-            under = tower.slopes[layer - 1][: len(x)]
-            np.dot(slope, tower.weights[layer].T, under)
+            under = network.slopes[layer - 1][: len(x)]
+            np.dot(slope, network.weights[layer].T, under)
             for i in range(len(x)):  # tanh′ = 1 − tanh²
                 for j in range(under.shape[1]):
                     under[i, j] *= np.float32(1) - below[i, j] * below[i, j]
 
 
 @loose_kernel
-def adam(row: Row, step: int) -> None:
+def adam(view: AdamView, step: int) -> None:
     """Take Adam's step number `step` (Kingma & Ba 2015, algorithm 1), β₁ = 0.9, β₂ = 0.999."""
-    rate = np.float32(row.learning_rate / (1 - 0.9**step))
+    rate = np.float32(view.learning_rate / (1 - 0.9**step))
     scale = np.float32(1 / sqrt(1 - 0.999**step))
-    epsilon = np.float32(row.epsilon)
-    for i in range(len(row.parameters)):
-        g = row.gradients[i]
-        row.first[i] += np.float32(1 - 0.9) * (g - row.first[i])
-        row.second[i] = np.float32(0.999) * row.second[i] + np.float32(1 - 0.999) * g * g
-        spread = np.sqrt(row.second[i]) * scale + epsilon
-        row.parameters[i] -= rate * row.first[i] / spread
+    for i in range(len(view.parameters)):
+        g = view.gradients[i]
+        view.first[i] += np.float32(1 - 0.9) * (g - view.first[i])
+        view.second[i] = np.float32(0.999) * view.second[i] + np.float32(1 - 0.999) * g * g
+        spread = np.sqrt(view.second[i]) * scale + np.float32(view.epsilon)
+        view.parameters[i] -= rate * view.first[i] / spread
 
 
 @loose_kernel
-def surrogate(log_ratio: float, advantage: float, clip_range: float, told: np.ndarray) -> float:
-    """Return ∂/∂log π of −min(ρA, clip(ρ)·A) at a sample, and add what it tells to `told`."""
+def surrogate(log_prob: float, row: int, data: PolicyData, metrics: np.ndarray) -> float:
+    """Return ∂/∂log π of −min(ρA, clip(ρ)·A) at a sample, and add to the minibatch's metrics."""
+    log_ratio, advantage = log_prob - data.behavior_log_probs[row], data.advantages[row]
     ratio = exp(log_ratio)
-    clipped = min(max(ratio, 1 - clip_range), 1 + clip_range) * advantage
-    told[0] -= min(ratio * advantage, clipped)
-    told[3] += expm1(log_ratio) - log_ratio
-    told[4] += abs(ratio - 1) > clip_range
-    told[5] += log_ratio
+    clipped = min(max(ratio, 1 - data.clip_range), 1 + data.clip_range) * advantage
+    metrics[0] -= min(ratio * advantage, clipped)
+    metrics[3] += expm1(log_ratio) - log_ratio
+    metrics[4] += abs(ratio - 1) > data.clip_range
+    metrics[5] += log_ratio
     return -ratio * advantage if ratio * advantage <= clipped else 0.0
 
 
 @loose_kernel
 def gaussian_head(
-    means: np.ndarray,
-    log_std: np.ndarray,
-    rows: np.ndarray,
-    choices: Choices,
-    slopes: np.ndarray,
-    log_std_gradient: np.ndarray,
-    told: np.ndarray,
-) -> None:
+    means: np.ndarray, log_std: np.ndarray, rows: np.ndarray, data: PolicyData,
+    slopes: np.ndarray, log_std_gradient: np.ndarray, metrics: np.ndarray,
+) -> None:  # fmt: skip
     """Fill ∂L/∂μ (b, A) and ∂L/∂log σ (A,) of −L_clip − c·H(π) + β·H(T‖π), means over a minibatch.
 
     ∂log π/∂μ = z/σ            ∂log π/∂log σ = z² − 1          z = (a − μ)/σ
@@ -187,30 +141,26 @@ def gaussian_head(
     """
     n, half_log_2pi = len(rows), 0.5 * log(2 * pi)
     inverse = np.exp(-log_std)  # 1/σ
-    log_std_gradient[:] = -choices.ent_coef
-    told[1] += n * (log_std + half_log_2pi + 0.5).sum()
+    log_std_gradient[:] = -data.ent_coef
+    metrics[1] += n * (log_std + half_log_2pi + 0.5).sum()
     for i in range(n):
         row, log_prob = rows[i], 0.0
         for d in range(len(log_std)):
-            z = (choices.actions[row, d] - means[i, d]) * inverse[d]
+            z = (data.actions[row, d] - means[i, d]) * inverse[d]
             log_prob -= 0.5 * z * z + log_std[d] + half_log_2pi
-        pull = surrogate(
-            log_prob - choices.behavior_log_probs[row], choices.advantages[row],
-            choices.clip_range, told,
-        )  # fmt: skip
+        pull = surrogate(log_prob, row, data, metrics)
         for d in range(len(log_std)):
-            z = (choices.actions[row, d] - means[i, d]) * inverse[d]
-            gap = means[i, d] - choices.teacher[row, d]
-            noise = exp(2 * choices.teacher_log_std[row, d])  # τ²
-            spread = (noise + gap * gap) * inverse[d] ** 2
-            told[2] += log_std[d] + half_log_2pi + 0.5 * spread
-            slopes[i, d] = (pull * z * inverse[d] + choices.beta * gap * inverse[d] ** 2) / n
-            log_std_gradient[d] += (pull * (z * z - 1) + choices.beta * (1 - spread)) / n
+            z = (data.actions[row, d] - means[i, d]) * inverse[d]
+            gap = means[i, d] - data.teacher[row, d]
+            spread = (exp(2 * data.teacher_log_std[row, d]) + gap * gap) * inverse[d] ** 2
+            metrics[2] += log_std[d] + half_log_2pi + 0.5 * spread
+            slopes[i, d] = (pull * z * inverse[d] + data.beta * gap * inverse[d] ** 2) / n
+            log_std_gradient[d] += (pull * (z * z - 1) + data.beta * (1 - spread)) / n
 
 
 @loose_kernel
 def categorical_head(
-    logits: np.ndarray, rows: np.ndarray, choices: Choices, slopes: np.ndarray, told: np.ndarray
+    logits: np.ndarray, rows: np.ndarray, data: PolicyData, slopes: np.ndarray, metrics: np.ndarray
 ) -> None:
     """Fill ∂L/∂logits (b, A) of −L_clip − c·H(π) + β·H(T‖π), means over a minibatch.
 
@@ -224,83 +174,75 @@ def categorical_head(
         normaliser = top + log(total)
         for j in range(logits.shape[1]):
             log_pi = logits[i, j] - normaliser
-            log_prob += choices.actions[row, j] * log_pi
+            log_prob += data.actions[row, j] * log_pi
             entropy -= exp(log_pi) * log_pi
-            told[2] -= exp(choices.teacher[row, j]) * log_pi
-        told[1] += entropy
-        pull = surrogate(
-            log_prob - choices.behavior_log_probs[row], choices.advantages[row],
-            choices.clip_range, told,
-        )  # fmt: skip
+            metrics[2] -= exp(data.teacher[row, j]) * log_pi
+        metrics[1] += entropy
+        pull = surrogate(log_prob, row, data, metrics)
         for j in range(logits.shape[1]):
             log_pi = logits[i, j] - normaliser
-            prob, teacher = exp(log_pi), exp(choices.teacher[row, j])
-            slope = pull * (choices.actions[row, j] - prob) + choices.beta * (prob - teacher)
-            slopes[i, j] = (slope + choices.ent_coef * prob * (log_pi + entropy)) / n
+            prob, teacher = exp(log_pi), exp(data.teacher[row, j])
+            slope = pull * (data.actions[row, j] - prob) + data.beta * (prob - teacher)
+            slopes[i, j] = (slope + data.ent_coef * prob * (log_pi + entropy)) / n
 
 
 @loose_kernel
-def gathered(batch: Batch, rows: np.ndarray, room: np.ndarray) -> np.ndarray:
-    """Return the observations of a minibatch, (b, O), laid one after the other in `room`."""
+def gathered(obs: np.ndarray, rows: np.ndarray, network: NetworkView) -> np.ndarray:
+    """Return the minibatch's observations, (b, O), copied into the workspace; obs is (n, O)."""
     for i in range(len(rows)):
-        room[i] = batch.obs[rows[i]]
-    return room[: len(rows)]
+        network.inputs[i] = obs[rows[i]]
+    return network.inputs[: len(rows)]
 
 
 @loose_kernel
 def learn_policy(
-    tower: Tower,
-    row: Row,
-    log_std: np.ndarray,
-    log_std_gradient: np.ndarray,
-    batch: Batch,
-    choices: Choices,
-    told: np.ndarray,
-) -> int:
-    """Take all epochs' steps of a policy; return how many, fewer where a loss was not finite.
+    network: NetworkView, view: AdamView, log_std: np.ndarray, log_std_gradient: np.ndarray,
+    obs: np.ndarray, orders: np.ndarray, data: PolicyData, metrics: np.ndarray,
+) -> int:  # fmt: skip
+    """Take a policy's steps; return how many, fewer where a loss was not finite.
 
-    `told` (steps, 6) gets each step's means, named by POLICY_NUMBERS.
+    The orders are (epochs, n), the observations (n, O) normalised. Metrics (steps, 6) are means of
+    a step: surrogate loss, entropy, cross-entropy, approximate KL, clip fraction and log ratio.
     """
-    head, step = len(tower.weights) - 1, 0
-    room = np.empty((batch.size, batch.obs.shape[1]), np.float32)
-    for order in batch.order:
-        for start in range(0, len(order), batch.size):
-            rows = order[start : start + batch.size]
-            x = gathered(batch, rows, room)
-            forward(x, tower)
-            out, slopes = tower.outputs[head][: len(rows)], tower.slopes[head]
-            if choices.discrete:
-                categorical_head(out, rows, choices, slopes, told[step])
+    head, step, size = len(network.weights) - 1, 0, len(network.inputs)
+    for order in orders:
+        for start in range(0, len(order), size):
+            rows = order[start : start + size]
+            x = gathered(obs, rows, network)
+            forward(x, network)
+            out, slopes = network.outputs[head][: len(rows)], network.slopes[head]
+            if data.discrete:
+                categorical_head(out, rows, data, slopes, metrics[step])
             else:
-                gaussian_head(out, log_std, rows, choices, slopes, log_std_gradient, told[step])
-            told[step] /= len(rows)
+                gaussian_head(out, log_std, rows, data, slopes, log_std_gradient, metrics[step])
+            metrics[step] /= len(rows)
             step += 1
-            if not np.isfinite(told[step - 1, :3]).all():
+            if not np.isfinite(metrics[step - 1, :3]).all():
                 return step
-            backward(x, tower)
-            adam(row, row.steps + step)
+            backward(x, network)
+            adam(view, view.steps + step)
     return step
 
 
 @loose_kernel
 def learn_value(
-    tower: Tower, row: Row, batch: Batch, returns: np.ndarray, vf_coef: float, told: np.ndarray
-) -> int:
-    """Take all epochs' steps of a critic on c·(V − R̂)²; see `learn_policy`; told is (steps, 1)."""
-    head, step = len(tower.weights) - 1, 0
-    room = np.empty((batch.size, batch.obs.shape[1]), np.float32)
-    for order in batch.order:
-        for start in range(0, len(order), batch.size):
-            rows = order[start : start + batch.size]
-            x = gathered(batch, rows, room)
-            forward(x, tower)
+    network: NetworkView, view: AdamView, obs: np.ndarray, orders: np.ndarray,
+    returns: np.ndarray, vf_coef: float, metrics: np.ndarray,
+) -> int:  # fmt: skip
+    """Take a critic's steps on c·(V − R̂)²; see `learn_policy`. Metrics (steps, 1) are its means."""
+    head, step, size = len(network.weights) - 1, 0, len(network.inputs)
+    for order in orders:
+        for start in range(0, len(order), size):
+            rows = order[start : start + size]
+            x = gathered(obs, rows, network)
+            forward(x, network)
             for i in range(len(rows)):
-                error = tower.outputs[head][i, 0] - returns[rows[i]]
-                told[step, 0] += error * error / len(rows)
-                tower.slopes[head][i, 0] = 2 * vf_coef * error / len(rows)
+                error = network.outputs[head][i, 0] - returns[rows[i]]
+                metrics[step, 0] += error * error / len(rows)
+                network.slopes[head][i, 0] = 2 * vf_coef * error / len(rows)
             step += 1
-            if not np.isfinite(told[step - 1, 0]):
+            if not np.isfinite(metrics[step - 1, 0]):
                 return step
-            backward(x, tower)
-            adam(row, row.steps + step)
+            backward(x, network)
+            adam(view, view.steps + step)
     return step

@@ -1,143 +1,160 @@
-"""The updates of `update` for small dense networks, with derivatives by hand, compiled.
+"""The update of small dense networks, with derivatives by hand, compiled.
 
-Same samples, same order, same numbers to rounding: `tests/test_by_hand.py` holds the two together.
-A seed's policy and critic share nothing, so each is a job of its own, and jobs share the cores.
+Same samples, same order, same numbers to rounding: `tests/test_by_hand.py` compares it with
+`epochs`. A seed's policy and critic share nothing, so each is a job of its own, and jobs share the
+cores.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from functools import cache, partial
-from typing import Literal
 
 import numpy as np
 import torch
 from threadpoolctl import ThreadpoolController
-from torch import Tensor
 
 from repaint_cli.errors import DivergedError
 from repaint_cli.learn.rollout.gae import Samples
 from repaint_cli.learn.update.adam import RowAdam
 from repaint_cli.learn.update.compiled.kernels import (
-    POLICY_NUMBERS,
-    Batch,
-    Choices,
+    PolicyData,
     learn_policy,
     learn_value,
 )
-from repaint_cli.learn.update.compiled.views import Place
-from repaint_cli.policies.distributions import Categorical, Distribution, Gaussian
+from repaint_cli.learn.update.compiled.views import adam_view, leaf_view, network_view
+from repaint_cli.learn.update.spec import UpdateSpec
+from repaint_cli.policies.distributions import Categorical, Gaussian
 from repaint_cli.policies.networks import ActorCritic
-from repaint_cli.settings import PPOConfig
 
-Parts = Literal["both", "policy", "critic"]
-"""Who moves in an update."""
+POLICY_METRICS = (
+    "policy_loss", "entropy", "cross_entropy", "approx_kl", "clip_fraction", "log_ratio"
+)  # fmt: skip
+"""What `learn_policy` measures at each of its steps, in this order."""
 
-_Job = Callable[[], int]
-"""Takes all steps of a policy or a critic and returns how many those were."""
+METRICS = (*POLICY_METRICS, "value_loss")
+"""Those and what `learn_value` measures."""
+
+OF_INSTANCES = ("policy_loss", "approx_kl", "clip_fraction", "log_ratio")
+"""The metrics of an update on teacher samples."""
 
 
-def applies_to(student: ActorCritic, ppo: PPOConfig) -> bool:
+def applies_to(student: ActorCritic, spec: UpdateSpec) -> bool:
     """Tell whether a student's networks are dense with tanh, and the loss is the one here."""
     dense = student.net.kind == "mlp" and student.net.activation == "tanh"
-    return ppo.compiled and dense and ppo.objective == "clipped"
+    clipped = spec.ppo.objective == "clipped" and spec.instances is None
+    return spec.ppo.compiled and dense and clipped
 
 
-def learn(
+def take_steps(
     student: ActorCritic,
     optimizer: RowAdam,
     samples: Samples,
-    ppo: PPOConfig,
+    spec: UpdateSpec,
     rngs: Sequence[np.random.Generator],
-    *,
-    teacher: Distribution | None = None,
-    beta: Tensor | float = 0.0,
-    scale: float = 1.0,
-    parts: Parts = "both",
-    instances: bool = False,
 ) -> dict[str, np.ndarray]:
-    """Take every step of `learn_on_policy`, or of `learn_from_instances`.
-
-    Args:
-        student: who learns; its networks are dense, with tanh.
-        optimizer: its optimiser.
-        samples: of the student, or selected ones of the teacher.
-        ppo: epochs, minibatches and coefficients.
-        rngs: one generator per seed for the order of the samples.
-        teacher: the teacher's distributions at the samples, for the cross-entropy.
-        beta: β_k, of all seeds or (S,).
-        scale: of the policies' learning rate.
-        parts: who moves, policies, critics or both.
-        instances: whether the samples are a teacher's: only policies move, without entropy bonus.
-
-    Returns:
-        Each seed's mean losses and diagnostics, (S,) each.
+    """Take the gradient steps of an update; see `update.update`.
 
     Raises:
-        DivergedError: a loss is not finite; unlike in the plain update, which stops at once, the
-            other seeds have learned on.
+        DivergedError: a loss is not finite; the seeds whose losses are finite have taken all their
+            steps, where the update as written stops all of them at once.
     """
-    assert student.normalizer is not None
     counts = samples.counts.tolist()
-    obs = student.normalizer.normalize(samples.frames.take(samples.rows)).numpy()
-    actions, advised, spreads = _choices(student, samples, teacher)
-    n_steps = ppo.n_epochs * -(-max(counts) // ppo.minibatch_size)
-    told, judged = (np.zeros((len(counts), n_steps, n)) for n in (len(POLICY_NUMBERS), 1))
-    policies, critics = list[_Job](), list[_Job]()
-    betas = torch.as_tensor(beta).expand(len(counts))
-    for s, (n, rng) in enumerate(zip(counts, rngs, strict=True)):
-        order = np.stack([rng.permutation(n) for _ in range(ppo.n_epochs)])
-        batch = Batch(obs[s], order, max(1, min(ppo.minibatch_size, n)))
-        choices = Choices(
-            student.spaces.discrete, actions[s], samples.behavior_log_probs[s].numpy(),
-            samples.advantages[s].numpy(), advised[s], spreads[s], ppo.clip_range,
-            0.0 if instances else ppo.ent_coef, 0.0 if teacher is None else float(betas[s]),
-        )  # fmt: skip
-        place, returns = Place(student, optimizer, s, scale), samples.returns[s].numpy()
-        policies.append(partial(_policy_steps, place, batch, choices, told[s]))
-        place = Place(student, optimizer, s, 1.0)
-        critics.append(partial(_value_steps, place, batch, returns, ppo.vf_coef, judged[s]))
-    jobs = {"both": policies + critics, "policy": policies, "critic": critics}[
-        "policy" if instances else parts
-    ]
+    n_steps = spec.ppo.n_epochs * -(-max(counts) // spec.ppo.minibatch_size)
+    of_policy, of_critic = (np.zeros((len(counts), n_steps, n)) for n in (len(POLICY_METRICS), 1))
+    seeds = list(_seeds(student, optimizer, samples, spec, rngs))
+    jobs = list[Callable[[], int]]()
+    if spec.moves_policy:
+        data = _policy_data(student, samples, spec)
+        jobs += [partial(_policy_steps, seed, data[seed.s], of_policy[seed.s]) for seed in seeds]
+    if spec.moves_critic:
+        returns = samples.returns.numpy()
+        jobs += [partial(_value_steps, seed, returns[seed.s], of_critic[seed.s]) for seed in seeds]
     with _blas().limit(limits=1), ThreadPoolExecutor(torch.get_num_threads()) as pool:
         steps = list(pool.map(lambda job: job(), jobs))
-    numbers = _means(np.concatenate([told, judged], 2), np.array(steps[: len(counts)]))
-    return _as_plain(numbers, instances, teacher is not None, parts)
+    means = _means(np.concatenate([of_policy, of_critic], 2), np.array(steps[: len(counts)]))
+    return _as_written(means, spec)
 
 
-def _policy_steps(place: Place, batch: Batch, choices: Choices, told: np.ndarray) -> int:
-    if choices.discrete:
+@dataclass(frozen=True)
+class _Seed:
+    """One of the seeds that learn, and what its policy and its critic have in common."""
+
+    student: ActorCritic
+    optimizer: RowAdam
+    spec: UpdateSpec
+    s: int
+    """Its number, from 0."""
+    obs: np.ndarray
+    """Its normalised observations, (n, O)."""
+    orders: np.ndarray
+    """The order of its samples in each epoch, (epochs, n)."""
+
+    @property
+    def size(self) -> int:
+        """Samples of a minibatch, no more than there are."""
+        return max(1, min(self.spec.ppo.minibatch_size, len(self.orders[0])))
+
+
+def _seeds(
+    student: ActorCritic,
+    optimizer: RowAdam,
+    samples: Samples,
+    spec: UpdateSpec,
+    rngs: Sequence[np.random.Generator],
+) -> Iterator[_Seed]:
+    assert student.normalizer is not None
+    obs = student.normalizer.normalize(samples.observations.take(samples.rows)).numpy()
+    for s, (n, rng) in enumerate(zip(samples.counts.tolist(), rngs, strict=True)):
+        orders = np.stack([rng.permutation(n) for _ in range(spec.ppo.n_epochs)])
+        yield _Seed(student, optimizer, spec, s, obs[s], orders)
+
+
+def _policy_steps(seed: _Seed, data: PolicyData, metrics: np.ndarray) -> int:
+    """Take all steps of a seed's policy; return how many."""
+    student, optimizer, s = seed.student, seed.optimizer, seed.s
+    if data.discrete:
         log_std = slope = np.zeros(0, np.float32)
     else:
-        log_std, slope = place.leaf("policy.log_std")
-    tower, row = place.tower("policy", batch.size), place.row(0)
-    steps = learn_policy(tower, row, log_std, slope, batch, choices, told)
-    place.optimizer.steps[0, place.s] += steps
+        log_std, slope = leaf_view(student, s, "policy.log_std")
+    network = network_view(student, s, "policy", seed.size)
+    adam = adam_view(student, optimizer, s, "policy", seed.spec.policy_scale)
+    steps = learn_policy(network, adam, log_std, slope, seed.obs, seed.orders, data, metrics)
+    optimizer.steps[0, s] += steps
     return steps
 
 
-def _value_steps(
-    place: Place, batch: Batch, returns: np.ndarray, vf_coef: float, told: np.ndarray
-) -> int:
-    tower, row = place.tower("value", batch.size), place.row(1)
-    steps = learn_value(tower, row, batch, returns, vf_coef, told)
-    place.optimizer.steps[1, place.s] += steps
+def _value_steps(seed: _Seed, returns: np.ndarray, metrics: np.ndarray) -> int:
+    """Take all steps of a seed's critic; return how many."""
+    student, optimizer, s = seed.student, seed.optimizer, seed.s
+    network = network_view(student, s, "value", seed.size)
+    adam = adam_view(student, optimizer, s, "value", 1.0)
+    steps = learn_value(network, adam, seed.obs, seed.orders, returns, seed.spec.vf_coef, metrics)
+    optimizer.steps[1, s] += steps
     return steps
 
 
-def _choices(
-    student: ActorCritic, samples: Samples, teacher: Distribution | None
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return actions, one-hot where discrete, and the teacher's mean and log σ, (S, B, A) each."""
-    actions, n_actions = samples.actions, student.spaces.n_actions
-    if student.spaces.discrete:
-        actions = torch.nn.functional.one_hot(actions, n_actions).float()
-    advised = spreads = torch.zeros_like(actions)
-    if isinstance(teacher, Gaussian):
-        advised, spreads = teacher.mean, teacher.log_std.expand_as(teacher.mean).contiguous()
-    elif isinstance(teacher, Categorical):
-        advised = teacher.log_probs
-    return actions.numpy(), advised.numpy(), spreads.numpy()
+def _policy_data(student: ActorCritic, samples: Samples, spec: UpdateSpec) -> list[PolicyData]:
+    """Return what each seed's policy learns from; actions are one-hot where discrete."""
+    discrete, actions = student.spaces.discrete, samples.actions
+    if discrete:
+        actions = torch.nn.functional.one_hot(actions, student.spaces.n_actions).float()
+    teacher = log_std = torch.zeros_like(actions)
+    if isinstance(spec.teacher, Gaussian):
+        teacher = spec.teacher.mean
+        log_std = spec.teacher.log_std.expand_as(teacher).contiguous()
+    elif isinstance(spec.teacher, Categorical):
+        teacher = spec.teacher.log_probs
+    betas = torch.as_tensor(0.0 if spec.teacher is None else spec.beta).expand(len(actions))
+    ent_coef = 0.0 if spec.loss == "instance" else spec.ppo.ent_coef
+    log_probs, advantages = samples.behavior_log_probs.numpy(), samples.advantages.numpy()
+    return [
+        PolicyData(
+            discrete, actions[s].numpy(), log_probs[s], advantages[s], teacher[s].numpy(),
+            log_std[s].numpy(), spec.clip_range, ent_coef, beta,
+        )
+        for s, beta in enumerate(betas.tolist())
+    ]  # fmt: skip
 
 
 @cache
@@ -148,36 +165,30 @@ def _blas() -> ThreadpoolController:
     return ThreadpoolController().select(user_api="blas")
 
 
-def _means(told: np.ndarray, steps: np.ndarray) -> dict[str, np.ndarray]:
-    """Return each seed's means over its steps, (S,) each, nan of none; told is (S, steps, 7).
+def _means(metrics: np.ndarray, steps: np.ndarray) -> dict[str, np.ndarray]:
+    """Return each seed's means over its steps, (S,) each, nan of none.
+
+    Args:
+        metrics: of each step, named by METRICS, (S, steps, 7).
+        steps: how many each seed took, (S,).
 
     Raises:
-        DivergedError: one of them is not finite.
+        DivergedError: a loss is not finite.
     """
-    names = (*POLICY_NUMBERS, "value_loss")
-    lost = ~np.isfinite(told)
+    lost = ~np.isfinite(metrics)
     lost[..., 3:6] = False  # these are no parts of a loss
     if lost.any():
-        row, step, column = np.argwhere(lost)[0]
-        raise DivergedError.of_loss(names[column], told[row, step, column], int(row))
+        s, step, column = np.argwhere(lost)[0]
+        raise DivergedError.of_loss(METRICS[column], metrics[s, step, column], int(s))
     with np.errstate(invalid="ignore", over="ignore"):
-        means = (told.sum(1) / steps[:, None]).astype(np.float32)  # (S, 7)
-    return dict(zip(names, means.T, strict=True))
+        means = (metrics.sum(1) / steps[:, None]).astype(np.float32)  # (S, 7)
+    return dict(zip(METRICS, means.T, strict=True))
 
 
-def _as_plain(
-    numbers: dict[str, np.ndarray], instances: bool, teacher: bool, parts: Parts
-) -> dict[str, np.ndarray]:
-    """Return the numbers that the plain update would tell, by their names there."""
-    if instances:
-        kept = ("policy_loss", "approx_kl", "clip_fraction", "log_ratio")
-        return {n: numbers[n] for n in kept} | {"kept_clip_fraction": numbers["clip_fraction"]}
-    without = {"log_ratio"} if teacher else {"log_ratio", "cross_entropy"}
-    return told_by(parts, {name: number for name, number in numbers.items() if name not in without})
-
-
-def told_by(parts: Parts, numbers: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Return the numbers of those who moved."""
-    if parts == "both":
-        return numbers
-    return {n: told for n, told in numbers.items() if (n == "value_loss") == (parts == "critic")}
+def _as_written(metrics: dict[str, np.ndarray], spec: UpdateSpec) -> dict[str, np.ndarray]:
+    """Return the metrics that the update as written has, by their names there."""
+    if spec.loss == "instance":
+        clipped = {"kept_clip_fraction": metrics["clip_fraction"]}
+        return {name: metrics[name] for name in OF_INSTANCES} | clipped
+    without = {"log_ratio"} if spec.teacher is not None else {"log_ratio", "cross_entropy"}
+    return spec.of_moved({n: values for n, values in metrics.items() if n not in without})

@@ -1,52 +1,52 @@
-"""Where one seed's small dense networks lie in the flat buffers, as compiled code is given them."""
+"""Views of one seed's small dense networks in the flat buffers, as compiled code is given them."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
 
 import numpy as np
 
 from repaint_cli.learn.update.adam import EPSILON, RowAdam
-from repaint_cli.learn.update.compiled.kernels import Row, Tower
+from repaint_cli.learn.update.compiled.kernels import AdamView, NetworkView
 from repaint_cli.policies.networks import ActorCritic
 from repaint_cli.policies.parameters import NetworkName
 
 
-@dataclass(frozen=True)
-class Place:
-    """One seed's place in the flat buffers."""
+def leaf_view(student: ActorCritic, s: int, name: str) -> tuple[np.ndarray, np.ndarray]:
+    """Return seed number s's part of a parameter, and of its gradient."""
+    leaf = student.weights[name]
+    assert leaf.grad is not None
+    return leaf.detach()[s].numpy(), leaf.grad[s].numpy()
 
-    student: ActorCritic
-    """Whose parameters."""
-    optimizer: RowAdam
-    """Whose moments."""
-    s: int
-    """Which seed, counted from 0."""
-    scale: float
-    """Of the learning rate."""
 
-    def leaf(self, name: str) -> tuple[np.ndarray, np.ndarray]:
-        """Return a parameter and its gradient."""
-        leaf = self.student.weights[name]
-        assert leaf.grad is not None
-        return leaf.detach()[self.s].numpy(), leaf.grad[self.s].numpy()
+def network_view(student: ActorCritic, s: int, tower: NetworkName, size: int) -> NetworkView:
+    """Return seed number s's policy or critic, with the workspace for a minibatch of `size`."""
+    n_hidden = len(student.net.widths(tower))
+    layers = [f"{tower}.{layer}" for layer in (*range(n_hidden), "head")]
+    weights, weight_gradients = _leaf_views(student, s, [f"{layer}.weight" for layer in layers])
+    biases, bias_gradients = _leaf_views(student, s, [f"{layer}.bias" for layer in layers])
+    inputs = np.empty((size, student.spaces.obs_shape[0]), np.float32)
+    outputs, slopes = (
+        tuple(np.zeros((size, len(bias)), np.float32) for bias in biases) for _ in range(2)
+    )
+    return NetworkView(
+        weights, weight_gradients, biases, bias_gradients, inputs, outputs, slopes
+    )  # fmt: skip
 
-    def tower(self, name: NetworkName, size: int) -> Tower:
-        """Return a policy or a critic, with room for a minibatch of `size`."""
-        n_hidden = len(self.student.net.widths(name))
-        layers = [f"{name}.{layer}" for layer in (*range(n_hidden), "head")]
-        weights = [self.leaf(f"{layer}.weight") for layer in layers]
-        biases = [self.leaf(f"{layer}.bias") for layer in layers]
-        rooms = [
-            tuple(np.zeros((size, len(bias)), np.float32) for bias, _ in biases) for _ in range(2)
-        ]
-        return Tower(
-            *map(tuple, zip(*weights, strict=True)), *map(tuple, zip(*biases, strict=True)), *rooms
-        )
 
-    def row(self, half: int) -> Row:
-        """Return a policy (half 0) or a critic (1) as Adam sees it."""
-        student, optimizer, cut = self.student, self.optimizer, self.student.n_policy
-        place = (self.s, (slice(None, cut), slice(cut, None))[half])
-        flat = (student.storage, student.gradients, optimizer.first, optimizer.second)
-        parameters, gradients, first, second = (buffer[place].numpy() for buffer in flat)
-        steps, rate = int(optimizer.steps[half, self.s]), optimizer.learning_rate * self.scale
-        return Row(parameters, gradients, first, second, steps, rate, EPSILON)
+def _leaf_views(
+    student: ActorCritic, s: int, names: Sequence[str]
+) -> tuple[tuple[np.ndarray, ...], tuple[np.ndarray, ...]]:
+    """Return seed number s's part of several parameters, and of their gradients."""
+    values, gradients = zip(*(leaf_view(student, s, name) for name in names), strict=True)
+    return values, gradients
+
+
+def adam_view(
+    student: ActorCritic, optimizer: RowAdam, s: int, tower: NetworkName, scale: float
+) -> AdamView:
+    """Return seed number s's policy or critic as Adam reads it, at `scale` times its step size."""
+    cut, critic = student.n_policy, tower == "value"
+    half = (s, slice(cut, None) if critic else slice(None, cut))
+    buffers = (student.storage, student.gradients, optimizer.first, optimizer.second)
+    parameters, gradients, first, second = (buffer[half].numpy() for buffer in buffers)
+    steps, rate = int(optimizer.steps[int(critic), s]), optimizer.learning_rate * scale
+    return AdamView(parameters, gradients, first, second, steps, rate, EPSILON)

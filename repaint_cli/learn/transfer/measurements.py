@@ -21,7 +21,7 @@ automatic alone, with the end; of other rules the phase goes by what this one wo
 train side by side share the phase and the end, not β and ζ.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from torch import Tensor, tensor
@@ -32,14 +32,14 @@ LEVELS = 101
 """Quantiles that stand for the student's advantages."""
 
 UNKNOWN = 1e30
-"""The error of what was seen once; a checkpoint holds finite numbers."""
+"""The error of a single number; a checkpoint holds finite numbers."""
 
 PATIENCE = 2
 """Own iterations without any β after which the transfer is over."""
 
 
-class Measured:
-    """What is known of S students and M teachers."""
+class Measurements:
+    """How S students and M teachers did in the target task."""
 
     def __init__(self, own: np.ndarray, taught: Sequence[np.ndarray]) -> None:
         """Begin with evaluated returns (S, E) of the students and of each teacher."""
@@ -56,36 +56,36 @@ class Measured:
         self.idle = 0
         """Own iterations in a row without any β."""
 
-    def see_student(self, returns: np.ndarray, steps: float, phase: str) -> None:
-        """Take in evaluated returns (S, E) after an iteration of so many steps a seed."""
-        found = mean_and_error(returns)
+    def add_evaluation(self, returns: np.ndarray, steps: float, phase: str) -> None:
+        """Add evaluated returns (S, E) of the students after an iteration of so many steps each."""
+        evaluated = mean_and_error(returns)
         if phase != "critic":  # which does not move a policy
-            gain = float((found[0] - self.own[0]).mean()) / steps
+            gain = float((evaluated[0] - self.own[0]).mean()) / steps
             self.gains[phase == "instance"].append(gain)
-        self.before, self.own = self.own, found
+        self.before, self.own = self.own, evaluated
 
-    def see_advantages(self, samples: Samples) -> None:
-        """Take in the students' advantages, as the critic sees them after its fit."""
-        rows = zip(samples.advantages, samples.counts.tolist(), strict=True)
+    def add_advantages(self, samples: Samples) -> None:
+        """Add the students' advantages, as the critic estimates them after its fit."""
+        per_seed = zip(samples.advantages, samples.counts.tolist(), strict=True)
         levels = np.linspace(0, 1, LEVELS)
-        self.quantiles = np.stack([np.quantile(row[:n].numpy(), levels) for row, n in rows], 1)
+        self.quantiles = np.stack([np.quantile(own[:n].numpy(), levels) for own, n in per_seed], 1)
 
     def betas(self, cosines: Sequence[float | None]) -> np.ndarray:
         """Return β_k of each teacher and student, (M, S); several teachers share 1."""
-        theirs, their_error = self.taught
+        teachers, teachers_error = self.taught
         own = (self.own[0] + self.before[0]) / 2
         own_error = np.hypot(self.own[1], self.before[1]) / 2
-        whole = theirs - self.random[0]  # the lead over a policy that knows nothing
-        left = theirs - own - np.sqrt(their_error**2 + own_error**2)
+        whole = teachers - self.random[0]  # the lead over a policy that knows nothing
+        lead = teachers - own - np.sqrt(teachers_error**2 + own_error**2)
         with np.errstate(invalid="ignore", divide="ignore"):
-            found = np.where(whole > 0, np.clip(left / whole, 0, 1), 0.0)
+            shares = np.where(whole > 0, np.clip(lead / whole, 0, 1), 0.0)
         opposed = [cosine is not None and cosine <= 0 for cosine in cosines]
-        found[opposed] = 0
-        betas: np.ndarray = np.nan_to_num(found) / len(theirs)
+        shares[opposed] = 0
+        betas: np.ndarray = np.nan_to_num(shares) / len(teachers)
         return betas
 
-    def note(self, betas: np.ndarray) -> None:
-        """Take in which β an own iteration had, (M, S)."""
+    def add_betas(self, betas: np.ndarray) -> None:
+        """Add which β an own iteration had, (M, S)."""
         self.leading = betas > 0
         self.idle = 0 if betas.any() else self.idle + 1
 
@@ -95,19 +95,19 @@ class Measured:
         return self.idle >= PATIENCE
 
     def shares(self, samples: Samples) -> Tensor:
-        """Return how much of the teachers' samples each seed keeps, (S,)."""
-        found = []
+        """Return how much of the teachers' samples each seed keeps, (S,), and remember it."""
+        shares = []
         for s, n in enumerate(samples.counts.tolist()):
             if n == 0:
-                found.append(0.0)
+                shares.append(0.0)
                 continue
-            theirs = np.sort(samples.advantages[s, :n].numpy())
-            below = np.searchsorted(theirs, self.quantiles[:, s], side="right")
-            found.append(max(0.0, 2 * float(1 - below.mean() / n) - 1))
-        self.share = np.array(found)
-        return tensor(found)
+            advantages = np.sort(samples.advantages[s, :n].numpy())
+            below = np.searchsorted(advantages, self.quantiles[:, s], side="right")
+            shares.append(max(0.0, 2 * float(1 - below.mean() / n) - 1))
+        self.share = np.array(shares)
+        return tensor(shares)
 
-    def instance_next(self) -> bool:
+    def instances_pay(self) -> bool:
         """Tell whether an instance iteration should follow one of the students' own.
 
         Seeds that train side by side share the answer.
@@ -130,16 +130,22 @@ class Measured:
         return {name: tensor(array) for name, array in arrays.items()}
 
     @classmethod
-    def load(cls, state: dict[str, Tensor]) -> "Measured":
-        """Return what `state` told."""
-        arrays = {name: part.numpy() for name, part in state.items()}
-        found = cls.__new__(cls)
+    def of_state(cls, state: Mapping[str, Tensor]) -> "Measurements":
+        """Return the measurements that `state` described.
+
+        Raises:
+            KeyError: a tensor is missing.
+        """
+        arrays = {name: value.numpy() for name, value in state.items()}
+        measurements = cls.__new__(cls)
         for name in ("own", "before", "random", "taught", "quantiles", "leading"):
-            setattr(found, name, arrays[name])
-        found.idle = int(arrays["idle"][0])
-        found.share = arrays["share"] if len(arrays["share"]) else None
-        found.gains = {False: arrays["own_gains"].tolist(), True: arrays["gains"].tolist()}
-        return found
+            setattr(measurements, name, arrays[name])
+        measurements.idle = int(arrays["idle"][0])
+        measurements.share = arrays["share"] if len(arrays["share"]) else None
+        measurements.gains = {
+            False: arrays["own_gains"].tolist(), True: arrays["gains"].tolist()
+        }  # fmt: skip
+        return measurements
 
 
 def mean_and_error(rows: np.ndarray) -> np.ndarray:

@@ -1,0 +1,66 @@
+"""What one update is to do: the same record for the plain and for the compiled one."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from torch import Tensor
+
+from repaint_cli.learn.rollout.gae import Samples
+from repaint_cli.policies.distributions import Distribution
+from repaint_cli.settings import PPOConfig
+
+Networks = Literal["both", "policy", "critic"]
+"""Which networks an update moves."""
+
+
+@dataclass(frozen=True)
+class UpdateSpec:
+    """Which loss an update follows, which networks it moves, and with which numbers."""
+
+    ppo: PPOConfig
+    """Epochs, minibatches and coefficients."""
+    clip_range: float
+    """ε of this iteration."""
+    loss: Literal["representation", "instance"] = "representation"
+    """L_rep with the critic's loss, on the student's samples, or L_ins, on the teachers'."""
+    networks: Networks = "both"
+    """Which networks move; L_ins moves policies only."""
+    teacher: Distribution | None = None
+    """π_teacher(·|s) at the samples, (S, B), for the cross-entropy; None leaves it out."""
+    beta: Tensor | float = 0.0
+    """β_k, weight of the cross-entropy, of all seeds or (S,)."""
+    policy_scale: float = 1.0
+    """What the policies' learning rate is multiplied by."""
+    instances: Samples | None = None
+    """Selected teacher samples of a joint update: every minibatch takes its share of them (paper,
+    algorithm 1)."""
+    alphas: tuple[float, float] = (1.0, 1.0)
+    """α₁ and α₂, weights of L_rep and L_ins in a joint update."""
+
+    def __post_init__(self) -> None:
+        if self.loss == "instance" and self.networks != "policy":
+            raise ValueError(f"teacher samples train policies only, found {self.networks!r}")
+
+    @property
+    def moves_policy(self) -> bool:
+        """Whether policies move."""
+        return self.networks != "critic"
+
+    @property
+    def moves_critic(self) -> bool:
+        """Whether critics move."""
+        return self.networks != "policy"
+
+    @property
+    def vf_coef(self) -> float:
+        """Weight of the value loss: none where critics stand still, for layers that both share."""
+        return self.ppo.vf_coef if self.moves_critic else 0.0
+
+    def of_moved(self, metrics: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """Return the metrics of the networks that moved: the value loss is the critic's."""
+        return {
+            name: values
+            for name, values in metrics.items()
+            if (self.moves_critic if name == "value_loss" else self.moves_policy)
+        }
