@@ -1,6 +1,7 @@
 """What is decided before a run starts, and as run.json keeps it for whoever resumes it."""
 
 import json
+import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -116,6 +117,12 @@ class Plan:
             "teachers": {teacher.name: teacher.sha256 for teacher in teachers.records},
             "track": files[0] if files else None,
         }
+
+    @property
+    def resuming(self) -> str:
+        """The command that goes on with the run."""
+        command = "transfer" if self.teacher_name is None else "train-teacher"
+        return f"repaint {command} --resume {shlex.quote(str(self.folder))}"
 
     def for_iterations(self, n: int) -> "Plan":
         """Return it with another number of iterations; nothing else depends on that."""

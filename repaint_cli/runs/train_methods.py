@@ -5,47 +5,37 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import joblib
-from rich.console import Console
 
-from repaint_cli.cli.option_values import method_for
-from repaint_cli.cli.session import find_teachers, new_folder
 from repaint_cli.errors import RepaintError
 from repaint_cli.runs.experiment import Experiment
 from repaint_cli.runs.figures import draw_run
 from repaint_cli.runs.plan import Plan
 from repaint_cli.runs.reader import read_run
+from repaint_cli.runs.start import find_teachers, method_for, new_folder
 from repaint_cli.tasks.card import TaskCard
 
 
-def train_all(
-    card: TaskCard,
-    methods: Sequence[str],
-    teachers: Sequence[str] | None,
-    seeds: list[int],
-    jobs: int,
-) -> list[Path]:
-    """Train every method, as many at a time as there are jobs; return the runs' folders.
-
-    Several jobs share the cores evenly, so that processes do not fight for them.
+def plan_methods(
+    card: TaskCard, methods: Sequence[str], teachers: Sequence[str], seeds: list[int]
+) -> list[Plan]:
+    """Return a plan for each method, all in one new folder, checked.
 
     Raises:
         NotFound: there is no such method or teacher.
         TeacherMismatch: a teacher does not fit the task.
     """
-    root = new_folder(None, card.name, "compare")
-    plans = []
+    root, plans = new_folder(None, card.name, "compare"), []
     for name in methods:
-        files = find_teachers(teachers, method_for("ppo", name))
-        plans.append(Plan(card, name, seeds, root / name, files))
+        paths = find_teachers(teachers, method_for("ppo", name))
+        plans.append(Plan(card, name, seeds, root / name, paths))
         plans[-1].check()  # better now than after the first method's hours
-    screen = Console(stderr=True, soft_wrap=True, highlight=False)
-    for done, folder in enumerate(_trained(plans, jobs), 1):
-        screen.print(f"{done} of {len(plans)}: wrote [bold]{folder}/[/bold]")
-    return [plan.folder for plan in plans]
+    return plans
 
 
-def _trained(plans: list[Plan], jobs: int) -> Iterator[Path]:
-    """Yield the folders as the runs finish.
+def train_plans(plans: Sequence[Plan], jobs: int = 1) -> Iterator[Path]:
+    """Carry out plans, as many at a time as there are jobs; yield the folders as they finish.
+
+    Several jobs share the cores evenly, so that processes do not fight for them.
 
     Raises:
         RepaintError: what stopped a run.
@@ -66,7 +56,7 @@ def _cores() -> int:
 
 
 def _train(plan: Plan, threads: int | None) -> tuple[Path, RepaintError | None]:
-    """Train as planned and draw the run, without a screen; a process of several has its threads."""
+    """Train as planned and draw the run; a process of several has its own threads."""
     if threads:
         os.environ["OMP_NUM_THREADS"] = str(threads)  # which EnvPool asks for
     try:

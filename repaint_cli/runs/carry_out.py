@@ -1,0 +1,119 @@
+"""Carry out a plan: train, draw what came of it, and add the teacher to the zoo."""
+
+from collections.abc import Sequence
+from contextlib import nullcontext
+from dataclasses import dataclass
+from pathlib import Path
+
+from repaint_cli.errors import Terminated
+from repaint_cli.paths import user_zoo
+from repaint_cli.runs.experiment import Experiment
+from repaint_cli.runs.figures import draw_run
+from repaint_cli.runs.metrics import Report
+from repaint_cli.runs.plan import Plan
+from repaint_cli.runs.reader import FinishedRun, read_run
+from repaint_cli.runs.record import Alarm
+from repaint_cli.runs.tensorboard import Events, require_tensorboard
+
+
+@dataclass(frozen=True)
+class TrainedRun:
+    """A run that was trained, to its end or until it was interrupted."""
+
+    run: FinishedRun
+    """Its folder, read: `run.returns` are evaluated mean returns, (S, K)."""
+    plan: Plan
+    """What was to be done."""
+    written: list[Path]
+    """Files and folders that it wrote."""
+    teacher: Path | None
+    """The teacher's file in the user's zoo, if it trained one to the end."""
+    interrupted: bool
+    """Whether it was interrupted before its last iteration."""
+
+
+class Watcher:
+    """Follows a training; this one does nothing."""
+
+    def begin(self, experiment: Experiment) -> None:
+        """A run is about to train."""
+
+    def show(self, report: Report, alarms: Sequence[Alarm]) -> None:
+        """An iteration is on disk; the alarms are what looked wrong in it."""
+
+    def end(self, experiment: Experiment, interrupted: bool) -> None:
+        """The run trains no longer; figures and teachers are still to be written."""
+
+    def finish(self, trained: TrainedRun) -> None:
+        """All is written."""
+
+
+def carry_out(
+    plan: Plan, watcher: Watcher | None = None, *, resume: bool = False, tensorboard: bool = False
+) -> TrainedRun:
+    """Train as planned, draw, and write policies and the teacher.
+
+    Ctrl-C ends the training early: what was finished is drawn and written all the same before it is
+    raised again. SIGTERM draws nothing.
+
+    Args:
+        plan: what to do.
+        watcher: who follows it.
+        resume: whether the plan's folder holds the beginning of the run.
+        tensorboard: whether to write TensorBoard events, too.
+
+    Raises:
+        RepaintError: see `Experiment`.
+        KeyboardInterrupt: the training was interrupted.
+        Terminated: the process was asked to end.
+    """
+    if tensorboard:
+        require_tensorboard()
+    watcher = watcher or Watcher()
+    experiment = Experiment.resume(plan) if resume else Experiment.begin(plan)
+    watcher.begin(experiment)
+    interruption = _train(experiment, watcher, tensorboard)
+    trained = _finish(experiment, interruption is not None, tensorboard)
+    watcher.finish(trained)
+    if interruption:
+        raise interruption
+    return trained
+
+
+def _train(
+    experiment: Experiment, watcher: Watcher, tensorboard: bool
+) -> KeyboardInterrupt | None:
+    """Train; return what ended it early, if that left something to draw."""
+    plan, interrupted = experiment.plan, True
+    events = Events(plan.files.tensorboard, plan.seeds) if tensorboard else nullcontext()
+    try:
+        with events as writer:
+            for report in experiment.run():
+                watcher.show(report, experiment.newest_alarms)
+                if writer:
+                    writer.add(report)
+        interrupted = False
+    except (KeyboardInterrupt, Terminated) as interruption:
+        if isinstance(interruption, Terminated) or not experiment.learner.iteration:
+            raise
+        return interruption
+    finally:
+        watcher.end(experiment, interrupted)
+    return None
+
+
+def _finish(experiment: Experiment, interrupted: bool, tensorboard: bool) -> TrainedRun:
+    """Write policies and the teacher, and draw."""
+    plan, files, teacher = experiment.plan, experiment.plan.files, None
+    written = [files.record, files.metrics, files.checkpoint, files.best, *experiment.policies()]
+    if plan.teacher_name and not interrupted:  # before anything that might fail
+        teacher = experiment.best_teacher(plan.teacher_name, user_zoo(), plan.replace)
+        written.append(teacher)
+    run = read_run(plan.folder)
+    written += draw_run(run)
+    if plan.task.env.has_paths:
+        written.append(files.evaluations)
+    if logs := plan.task.env.logs:
+        written += logs.folders(plan.folder, plan.seeds)
+    written += [files.tensorboard] if tensorboard else []
+    return TrainedRun(run, plan, written, teacher, interrupted)

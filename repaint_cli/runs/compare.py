@@ -1,0 +1,138 @@
+"""Compare runs: by their returns, or by the paths of their last policies."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from repaint_cli.envs.episodes import Episodes
+from repaint_cli.errors import CardError, UsageError
+from repaint_cli.learn.evaluation import evaluate
+from repaint_cli.learn.seeding import Purpose
+from repaint_cli.runs import comparison
+from repaint_cli.runs.comparison import Comparison, reference_of
+from repaint_cli.runs.comparison_report import title_of, write_report
+from repaint_cli.runs.evaluate import last_policies
+from repaint_cli.runs.figures import draw_curves, draw_trajectories
+from repaint_cli.runs.folder import RunFolder
+from repaint_cli.runs.reader import FinishedRun, read_run
+
+EPISODES = 20
+"""Episodes that the paper draws of each policy."""
+
+
+@dataclass(frozen=True)
+class ComparedRuns:
+    """Runs of one task, compared."""
+
+    runs: dict[str, FinishedRun]
+    """By labels that tell them apart."""
+    comparison: Comparison
+    """How each did."""
+    written: list[Path]
+    """The figure, or the files of the report."""
+
+
+@dataclass(frozen=True)
+class PlayedRun:
+    """A run whose last policies have played."""
+
+    run: FinishedRun
+    """Which."""
+    label: str
+    """Its task and the run's label."""
+    episodes: Episodes
+    """How they did."""
+
+
+def compare(
+    folders: Sequence[Path],
+    reference: str = "scratch",
+    target: float | None = None,
+    picture: Path | None = None,
+    report: Path | None = None,
+) -> ComparedRuns:
+    """Compare runs of one task, and draw their curves or write a report; see `repaint_cli.compare`.
+
+    Raises:
+        NotFound: there is no such folder or reference.
+        CardError: the runs are of several tasks, or there is none.
+        StoreError: a file cannot be written.
+    """
+    runs = read_runs(folders)
+    compared = comparison.compare(runs, reference_of(runs, reference), target)
+    if report:
+        return ComparedRuns(runs, compared, write_report(runs, compared, report))
+    picture = picture or Path("compare.png")
+    draw_curves(runs, picture, title_of(compared), compared.target)
+    return ComparedRuns(runs, compared, [picture])
+
+
+def read_runs(folders: Sequence[Path]) -> dict[str, FinishedRun]:
+    """Read runs of one task by labels that tell them apart.
+
+    Other folders, and runs without a finished iteration, are passed over.
+
+    Raises:
+        NotFound: there is no such folder.
+        CardError: the runs are of several tasks, or there is none.
+    """
+    runs = _with_iterations(folders)
+    tasks = sorted({run.task.name for run in runs})
+    if len(tasks) != 1:
+        raise CardError(f"expected runs of one task, found {', '.join(tasks) or 'no run'}")
+    for run in runs:
+        if part := run.task.difference(runs[0].task):
+            raise CardError(
+                f"expected runs of one task, found other [{part}] settings in {run.folder} "
+                f"than in {runs[0].folder}"
+            )
+    labels = [run.label for run in runs]
+    return {run.label if labels.count(run.label) == 1 else str(run.folder): run for run in runs}
+
+
+def _with_iterations(folders: Sequence[Path]) -> list[FinishedRun]:
+    """Read those folders that are runs with a finished iteration."""
+    runs = [read_run(f) for f in folders if RunFolder(f).is_run() or not f.is_dir()]
+    return [run for run in runs if run.returns.size]
+
+
+def check_reference(reference: str | None, folders: Sequence[Path], methods: Sequence[str]) -> None:
+    """Check, before methods are trained, that there will be such a reference.
+
+    Raises:
+        NotFound: there is no such folder.
+        UsageError: there will be no such reference.
+        CardError: the folders hold no runs of one task.
+    """
+    runs: Mapping[str, FinishedRun] = read_runs(folders) if folders else {}
+    if reference is None or reference in methods:
+        return
+    if not runs or reference_of(dict(runs), reference) is None:
+        raise UsageError(f"expected --reference among what is compared, found '{reference}'")
+
+
+def play_runs(folders: Sequence[Path], picture: Path) -> list[PlayedRun]:
+    """Let the last policies of runs play, and draw the first seeds' paths side by side.
+
+    Raises:
+        NotFound: there is no such folder.
+        CardError: there is no run, the runs are of several places, or their tasks have no paths.
+        StoreError: the picture cannot be written.
+    """
+    runs = _with_iterations(folders)
+    places = sorted({run.task.env.place for run in runs})
+    if len(places) != 1:
+        raise CardError(
+            f"expected runs on one track or in one environment, found {', '.join(places) or 'no run'}"
+        )
+    if not runs[0].task.env.has_paths:
+        raise CardError(f"expected a task with paths to draw, found '{runs[0].task.name}'")
+    played = []
+    for run in runs:
+        policies = last_policies(run)
+        episodes = evaluate(policies, run.task, run.seeds, EPISODES, purpose=Purpose.SCORE)
+        played.append(PlayedRun(run, f"{run.task.name}: {run.label}", episodes))
+    title = f"the last policies, {EPISODES} episodes each, first seeds"
+    panels = [(one.label, one.episodes) for one in played]
+    draw_trajectories(runs[0].task, panels, picture, title)
+    return played

@@ -1,0 +1,182 @@
+"""From names to a plan: what the user asks for, checked before anything is trained."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import chain, count
+from pathlib import Path
+
+from repaint_cli.errors import NotFound, StoreError, UsageError
+from repaint_cli.files.atomic import check_writable
+from repaint_cli.paths import user_zoo
+from repaint_cli.provenance import stamp
+from repaint_cli.runs.plan import Plan, plan_of
+from repaint_cli.runs.reader import read_run
+from repaint_cli.tasks.card import TaskCard
+from repaint_cli.tasks.methods import ALGORITHMS, METHODS
+from repaint_cli.zoo import store
+from repaint_cli.zoo.teacher_card import check_name
+
+
+def plan_teacher(
+    card: TaskCard, seeds: list[int], name: str | None, replace: bool, folder: Path | None, keep: int
+) -> Plan:
+    """Return the plan of a run that trains a teacher; see `repaint_cli.train`."""
+    name = new_teacher_name(name or card.name, replace)
+    folder = new_folder(folder, card.name, "scratch")
+    return Plan(card, "scratch", seeds, folder, teacher_name=name, replace=replace, keep=keep)
+
+
+def plan_transfer(
+    card: TaskCard,
+    teachers: Sequence[str],
+    seeds: list[int],
+    method: str | None,
+    algorithm: str,
+    instances_from: Sequence[str],
+    folder: Path | None,
+    keep: int,
+) -> Plan:
+    """Return the plan of a transfer; see `repaint_cli.transfer`."""
+    method = method_for(algorithm, method)
+    paths = find_teachers(teachers, method)
+    names = [algorithm] * (algorithm != "ppo") + [method, *(path.stem for path in paths)]
+    folder = new_folder(folder, card.name, "-".join(names))
+    acting = find_acting(instances_from, paths)
+    return Plan(card, method, seeds, folder, paths, acting, algorithm, keep=keep)
+
+
+def plan_again(
+    folder: Path,
+    iterations: int | None = None,
+    teacher_name: str | None = None,
+    replace_teacher: bool = False,
+    *,
+    for_teacher: bool | None = None,
+) -> Plan:
+    """Return the plan of a run that is to go on, perhaps for more iterations.
+
+    Args:
+        folder: of the run.
+        iterations: how many in all; as planned where absent.
+        teacher_name: another name for the teacher that it trains.
+        replace_teacher: whether that may replace one in the zoo.
+        for_teacher: whether it must be a run that trains a teacher, or one that does not; either
+            where absent.
+
+    Raises:
+        NotFound: there is no such run, or its teacher is gone.
+        CheckpointError: a file of the run is damaged or of another version.
+        TeacherMismatch: the file of the run's teacher has changed.
+        UsageError: it is a run of the other command, or has more iterations already.
+        StoreError: the teacher's name is taken.
+    """
+    run = read_run(folder)
+    plan = plan_of(run.record, run.task, folder)
+    trains_teacher = plan.teacher_name is not None
+    if for_teacher is not None and trains_teacher != for_teacher:
+        raise UsageError(f"{folder} was begun otherwise; go on with: {plan.resuming}")
+    done = run.returns.shape[1]
+    if iterations is not None:
+        if iterations < done:
+            raise UsageError(
+                f"expected --iterations of at least {done}, which {folder} has, found {iterations}"
+            )
+        plan = plan.for_iterations(iterations)
+    if not trains_teacher:
+        return plan
+    name, may = teacher_name or plan.teacher_name or "", replace_teacher or plan.replace
+    if done < plan.task.ppo.n_iterations:
+        new_teacher_name(name, may)
+    return replace(plan, teacher_name=name, replace=may)
+
+
+def seed_list(first: int, how_many: int) -> list[int]:
+    """Return the run seeds.
+
+    Raises:
+        UsageError: there would be none, or a negative one.
+    """
+    if how_many < 1 or first < 0:
+        raise UsageError(
+            f"expected --seeds of at least 1 and --seed of at least 0, found {how_many} and {first}"
+        )
+    return list(range(first, first + how_many))
+
+
+def method_for(algorithm: str, method: str | None) -> str:
+    """Return the method's name, an algorithm's own default where none is given.
+
+    Raises:
+        NotFound: there is no such algorithm or method.
+        UsageError: the algorithm does not have the method.
+    """
+    if algorithm not in ALGORITHMS:
+        raise NotFound.named("algorithm", algorithm, ALGORITHMS, "repaint transfer --help")
+    default, *others = ALGORITHMS[algorithm]
+    name = method or default
+    if name not in METHODS:
+        raise NotFound.named("method", name, METHODS, "repaint transfer --help")
+    if name not in (default, *others):
+        known = " or ".join((default, *others))
+        raise UsageError(f"expected --method {known} with --algorithm {algorithm}, found '{name}'")
+    return name
+
+
+def new_folder(folder: Path | None, task: str, what: str) -> Path:
+    """Return the folder of a new run: the one asked for, or runs/<task>/<what>-<stamp>.
+
+    Two of a second, or of an hour that the clock was put back, are told apart by a number.
+    """
+    if folder:
+        return folder
+    first = Path("runs") / task / f"{what}-{stamp()}"
+    others = (first.with_name(f"{first.name}-{n}") for n in count(2))
+    return next(folder for folder in chain([first], others) if not folder.exists())
+
+
+def new_teacher_name(name: str, replace: bool) -> str:
+    """Check that a teacher may be added to the user's zoo under a name.
+
+    Raises:
+        StoreError: no teacher may be called so, or one is there already.
+    """
+    check_name(name)
+    path = user_zoo() / f"{name}.safetensors"
+    if path.exists() and not replace:
+        raise StoreError(
+            f"your zoo has a teacher '{name}' already; give another name, or --replace it"
+        )
+    check_writable(path.parent)  # better now than after an hour of training
+    return name
+
+
+def find_teachers(names: Sequence[str], method: str) -> tuple[Path, ...]:
+    """Return the teachers' files; none for a method without them.
+
+    Raises:
+        NotFound: there is no such teacher, or none was named for a method that needs one.
+        UsageError: there are several, and the method starts from one.
+    """
+    if not METHODS[method].needs_teacher:
+        return ()
+    if not names:
+        raise NotFound(f"method '{method}' needs a teacher: --teacher NAME (repaint zoo list)")
+    if METHODS[method].warm_start and len(names) > 1:
+        raise UsageError(f"expected one --teacher to warm-start from, found {len(names)}")
+    return tuple(store.find(name) for name in names)
+
+
+def find_acting(names: Sequence[str], teachers: Sequence[Path]) -> tuple[Path, ...] | None:
+    """Return the files of those teachers whose own samples are used, or None for all of them.
+
+    Raises:
+        UsageError: a name is none of the run's teachers.
+    """
+    if not names:
+        return None
+    acting = tuple(store.find(name) for name in names)
+    for name, path in zip(names, acting, strict=True):
+        if path not in teachers:
+            known = ", ".join(teacher.stem for teacher in teachers)
+            raise UsageError(f"expected --instances-from one of {known}, found '{name}'")
+    return acting
