@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from small_runs import QUICK, add_teacher
 
-from repaint_cli.learn.ppo import IterationStats
+from repaint_cli.learn.stats import IterationStats
 from repaint_cli.runs.alarms import alarms_of, reference_beside
 from repaint_cli.runs.metrics import Report
 from repaint_cli.tasks.card_files import read_task

@@ -4,10 +4,12 @@ from math import inf, nan
 
 import pytest
 from pydantic import ValidationError
+from small_tasks import reach
 
 from repaint_cli import settings
 from repaint_cli.envs.gymnasium.simulator import GymnasiumSimulator
 from repaint_cli.envs.racer.simulator import RacerSimulator
+from repaint_cli.errors import CardError
 from repaint_cli.settings import PPOConfig, SelectConfig, Settings, TransferConfig
 from repaint_cli.tasks.card import TaskCard
 from repaint_cli.tasks.methods import METHODS
@@ -62,6 +64,13 @@ def test_ppo_refuses(wrong):
 def test_transfer_refuses(wrong):
     with pytest.raises(ValidationError):
         TransferConfig(**wrong)
+
+
+def test_a_joint_transfer_can_be_read_back_but_no_card_asks_for_one():
+    joint = METHODS["repaint-joint"].apply(TransferConfig())
+    assert TransferConfig.model_validate(joint.model_dump(mode="json")) == joint
+    with pytest.raises(CardError, match=r"transfer\.joint: expected False; use --method repaint-j"):
+        reach().with_settings(["transfer.joint=true"])
 
 
 @pytest.mark.parametrize(

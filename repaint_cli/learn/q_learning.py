@@ -22,7 +22,7 @@ from repaint_cli.learn.stats import IterationStats, Meter
 from repaint_cli.learn.transfer import schedules
 from repaint_cli.learn.transfer.course import Course
 from repaint_cli.learn.transfer.schedules import Phase
-from repaint_cli.learn.transfer.teachers import Actor, soften
+from repaint_cli.learn.transfer.teachers import ActingTeacher, soften
 from repaint_cli.learn.update.epochs import Means
 from repaint_cli.learn.update.losses import squared_error
 from repaint_cli.learn.update.objectives import mean_over
@@ -62,7 +62,7 @@ def train(card: TaskCard, learner: Learner, course: Course) -> Iterator[Iteratio
 
 
 def _collect(
-    card: TaskCard, learner: Learner, k: int, actors: Sequence[Actor]
+    card: TaskCard, learner: Learner, k: int, actors: Sequence[ActingTeacher]
 ) -> tuple[Rollout, list[Experience]]:
     """Let the students act ε-greedily, and the teachers beside them.
 

@@ -80,9 +80,7 @@ def carry_out(
     return trained
 
 
-def _train(
-    experiment: Experiment, watcher: Watcher, tensorboard: bool
-) -> KeyboardInterrupt | None:
+def _train(experiment: Experiment, watcher: Watcher, tensorboard: bool) -> KeyboardInterrupt | None:
     """Train; return what ended it early, if that left something to draw."""
     plan, interrupted = experiment.plan, True
     events = Events(plan.files.tensorboard, plan.seeds) if tensorboard else nullcontext()

@@ -18,7 +18,12 @@ from repaint_cli.zoo.teacher_card import check_name
 
 
 def plan_teacher(
-    card: TaskCard, seeds: list[int], name: str | None, replace: bool, folder: Path | None, keep: int
+    card: TaskCard,
+    seeds: list[int],
+    name: str | None,
+    replace: bool,
+    folder: Path | None,
+    keep: int,
 ) -> Plan:
     """Return the plan of a run that trains a teacher; see `repaint_cli.train`."""
     name = new_teacher_name(name or card.name, replace)

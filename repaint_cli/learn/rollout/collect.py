@@ -75,7 +75,7 @@ def collect(
         DivergedError: an observation or a reward is not finite.
     """
     shape = (len(rngs), env.num_envs // len(rngs))  # (S, N)
-    act = _Actor(policy, _Noise(rngs, shape[1]), greedy)
+    act = _ActingPolicy(policy, _ActionNoise(rngs, shape[1]), greedy)
     with torch.no_grad(), _threads_for(obs):
         return _roll(env, obs, act, RolloutBuilder(shape, record), n_steps, whole)
 
@@ -83,7 +83,7 @@ def collect(
 def _roll(
     env: RewardTerms,
     obs: Any,
-    act: "_Actor",
+    act: "_ActingPolicy",
     builder: RolloutBuilder,
     n_steps: int | None,
     whole: bool,
@@ -118,11 +118,11 @@ def _roll(
 
 
 @dataclass(frozen=True)
-class _Actor:
+class _ActingPolicy:
     """A policy that acts in S × N environments."""
 
     policy: Policy
-    noise: "_Noise"
+    noise: "_ActionNoise"
     greedy: bool
     """Whether it takes the most likely action instead of a sample."""
 
@@ -192,7 +192,7 @@ def _check_finite(numbers: np.ndarray, mask: np.ndarray, what: str, t: int) -> N
         )
 
 
-class _Noise:
+class _ActionNoise:
     """Each seed's own stream of noise for its N environments, drawn 64 steps at a time."""
 
     def __init__(self, rngs: Sequence[np.random.Generator], n_envs: int) -> None:

@@ -15,7 +15,7 @@ from repaint_cli.learn.states import below, with_prefix
 from repaint_cli.learn.transfer import schedules
 from repaint_cli.learn.transfer.schedules import Phase
 from repaint_cli.learn.transfer.selection import Moments, Selection, moments, rescale, select
-from repaint_cli.learn.transfer.teachers import Actor, Teacher
+from repaint_cli.learn.transfer.teachers import ActingTeacher, Teacher
 from repaint_cli.learn.update.objectives import masked_mean
 from repaint_cli.policies.networks import ActorCritic
 from repaint_cli.tasks.card import TaskCard
@@ -116,12 +116,12 @@ class Course(ABC):
         """Return which seeds learn from the samples of which teacher, (M, S) bool."""
         return np.ones((len(self.teachers), self.n_seeds), bool)
 
-    def actors(self) -> list[Actor]:
+    def actors(self) -> list[ActingTeacher]:
         """Return the teachers who act in an instance iteration: not those who lead nobody."""
         pairs = zip(self.teachers, self.leading(), strict=True)
         may_act = [(teacher, leads) for teacher, leads in pairs if teacher.acts]
         return [
-            Actor(teacher, which, len(may_act), leads)
+            ActingTeacher(teacher, which, len(may_act), leads)
             for which, (teacher, leads) in enumerate(may_act)
             if leads.any()
         ]

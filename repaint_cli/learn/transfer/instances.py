@@ -14,7 +14,7 @@ from repaint_cli.learn.seeding import Purpose, generator
 from repaint_cli.learn.transfer.course import Course, OwnBatch
 from repaint_cli.learn.transfer.relevance import relevance
 from repaint_cli.learn.transfer.selection import Selection
-from repaint_cli.learn.transfer.teachers import Actor, soften
+from repaint_cli.learn.transfer.teachers import ActingTeacher, soften
 from repaint_cli.learn.update.objectives import masked_mean
 from repaint_cli.tasks.card import TaskCard
 
@@ -48,12 +48,12 @@ def collect_instances(
     return selection.of(scaled), metrics
 
 
-def _rollout(card: TaskCard, learner: Learner, actor: Actor, k: int) -> Rollout:
+def _rollout(card: TaskCard, learner: Learner, actor: ActingTeacher, k: int) -> Rollout:
     policy = soften(actor.teacher.network, card.transfer)
     return learner.collect_teacher(card, k, policy, which=actor.which, of=actor.of)
 
 
-def _samples(card: TaskCard, learner: Learner, actor: Actor, rollout: Rollout) -> Samples:
+def _samples(card: TaskCard, learner: Learner, actor: ActingTeacher, rollout: Rollout) -> Samples:
     """Return a teacher's samples, Â′ by the students' critics; none for those it does not lead."""
     samples = to_samples(rollout, learner.student.value, card.ppo)
     samples = samples.within(card.ppo, actor.which, actor.of)
@@ -64,7 +64,7 @@ def _samples(card: TaskCard, learner: Learner, actor: Actor, rollout: Rollout) -
 
 
 def _relevance(
-    card: TaskCard, own: OwnBatch, pairs: Sequence[tuple[Actor, Rollout]]
+    card: TaskCard, own: OwnBatch, pairs: Sequence[tuple[ActingTeacher, Rollout]]
 ) -> torch.Tensor | None:
     """Return the relevance of the teachers' samples to the students' batch, (S, B), for `rbt`."""
     if card.select.rule != "rbt":

@@ -1,7 +1,7 @@
 """Relevance-based transfer, the rival of section 6.2 (Lazaric, Restelli and Bonarini 2008).
 
-A teacher's sample is relevant if target samples near it moved and were paid alike, or if none is
-near. A teacher complies with the target as much as the target's samples agree with its own.
+A teacher's sample is relevant if target samples near it have similar moves and rewards, or if none
+is near. A teacher complies with the target as much as the target's samples agree with its own.
 """
 
 from collections.abc import Sequence
@@ -27,28 +27,28 @@ class _Points:
 
 
 def relevance(target: Transitions, sources: Sequence[Transitions], select: SelectConfig) -> Tensor:
-    """Return the chance of each source sample to be drawn, (S, B) of all sources in order.
+    """Return the probability of drawing each sample of all sources in order, (S, B).
 
-    A source's samples together have its compliance, each its relevance among them.
+    A source is drawn by its compliance, and its samples by their relevance among them.
 
     Args:
-        target: the student's last batch, paid by the target task.
-        sources: each teacher's samples, paid by its own task.
-        select: the kernels' width and what else is open.
+        target: the student's last batch, with the target task's rewards.
+        sources: each teacher's samples, with its own task's rewards.
+        select: the kernels' width, the neighbourhood and the normalisation.
     """
     rows = []
     for s in range(len(target.counts)):
-        here = _raw(target, s)
-        units = [part.std(0, correction=0).clamp(min=1e-6) for part in here]
-        points = _scaled(here, units)
-        found = [_judge(points, _scaled(_raw(source, s), units), select) for source in sources]
-        compliances = torch.stack([compliance for compliance, _ in found])
+        raw = _raw(target, s)
+        units = [columns.std(0, correction=0).clamp(min=1e-6) for columns in raw]
+        points = _scaled(raw, units)
+        per_source = [_judge(points, _scaled(_raw(source, s), units), select) for source in sources]
+        compliances = torch.stack([compliance for compliance, _ in per_source])
         total = compliances.sum()  # 0 where no source has a sample near any of the target's
         even = torch.full_like(compliances, 1 / len(compliances))
         shares = compliances / total if total > 0 else even
         rows.append(
             torch.cat(
-                [share * rel / rel.sum() for share, (_, rel) in zip(shares, found, strict=True)]
+                [share * of / of.sum() for share, (_, of) in zip(shares, per_source, strict=True)]
             )
         )
     return torch.nn.utils.rnn.pad_sequence(rows, batch_first=True)
@@ -62,8 +62,8 @@ def _raw(batch: Transitions, s: int) -> tuple[Tensor, Tensor, Tensor]:
     return torch.cat([here, actions], 1), there - here, batch.rewards[s, :n, None].double()
 
 
-def _scaled(parts: tuple[Tensor, Tensor, Tensor], units: Sequence[Tensor]) -> _Points:
-    return _Points(*(part / unit for part, unit in zip(parts, units, strict=True)))
+def _scaled(raw: tuple[Tensor, Tensor, Tensor], units: Sequence[Tensor]) -> _Points:
+    return _Points(*(columns / unit for columns, unit in zip(raw, units, strict=True)))
 
 
 def _judge(target: _Points, source: _Points, select: SelectConfig) -> tuple[Tensor, Tensor]:
@@ -78,15 +78,15 @@ def _judge(target: _Points, source: _Points, select: SelectConfig) -> tuple[Tens
     """
     distances = torch.cdist(target.places, source.places)  # (n, m)
     near = _kernel(distances, select)
-    alike = _kernel(torch.cdist(target.moves, source.moves), select)
-    paid = _kernel(torch.cdist(target.rewards, source.rewards), select)
+    same_moves = _kernel(torch.cdist(target.moves, source.moves), select)
+    same_rewards = _kernel(torch.cdist(target.rewards, source.rewards), select)
     of_target, of_source = _normalized(near, 1), _normalized(near, 0)
-    compliance = ((of_target * alike).mean(1) * (of_target * paid).mean(1)).mean()
-    agreement = (of_source * alike).mean(0) * (of_source * paid).mean(0)  # (m,)
+    compliance = ((of_target * same_moves).mean(1) * (of_target * same_rewards).mean(1)).mean()
+    agreement = (of_source * same_moves).mean(0) * (of_source * same_rewards).mean(0)  # (m,)
     whole = agreement.sum() if select.normalize == "sum" else agreement.max()
     gap = agreement / whole.clamp(min=1e-300) - 1
     reach = _reach(distances.T, of_source.T, select)
-    # What is far from everything has nothing against it, and what is too near cannot be told.
+    # A sample far from all of the target's has a large d_j, and is relevant; no probability is 0.
     return compliance, torch.exp(-((gap / reach) ** 2)).clamp(min=1e-300)
 
 

@@ -28,7 +28,7 @@ class Teacher:
     """Of its task's weights and the target's; None where one is not known."""
 
 
-class Actor(NamedTuple):
+class ActingTeacher(NamedTuple):
     """A teacher who acts in an instance iteration."""
 
     teacher: Teacher

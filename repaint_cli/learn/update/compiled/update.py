@@ -1,6 +1,6 @@
 """The update of small dense networks, with derivatives by hand, compiled.
 
-Same samples, same order, same numbers to rounding: `tests/test_by_hand.py` compares it with
+Same samples, same order, same numbers to rounding: `tests/test_compiled.py` compares it with
 `epochs`. A seed's policy and critic share nothing, so each is a job of its own, and jobs share the
 cores.
 """
@@ -176,7 +176,7 @@ def _means(metrics: np.ndarray, steps: np.ndarray) -> dict[str, np.ndarray]:
         DivergedError: a loss is not finite.
     """
     lost = ~np.isfinite(metrics)
-    lost[..., 3:6] = False  # these are no parts of a loss
+    lost[..., 3:6] = False  # diagnostics, no parts of a loss
     if lost.any():
         s, step, column = np.argwhere(lost)[0]
         raise DivergedError.of_loss(METRICS[column], metrics[s, step, column], int(s))
