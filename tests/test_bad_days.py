@@ -14,9 +14,9 @@ from failing_env import card
 from small_runs import QUICK, add_teacher
 from test_runs import record_of
 
-from repaint_cli.cli import session
 from repaint_cli.errors import CardError, DivergedError
 from repaint_cli.files import atomic
+from repaint_cli.runs import start
 from repaint_cli.runs.reader import read_run
 
 FIXTURES = Path(__file__).parent / "fixtures"
@@ -123,10 +123,10 @@ def test_a_clock_that_jumps_changes_no_run(repaint, home, monkeypatch):
 
 
 def test_two_runs_that_begin_in_a_second_have_folders_of_their_own(home, monkeypatch):
-    monkeypatch.setattr(session, "stamp", lambda: "20210718-120000")
+    monkeypatch.setattr(start, "stamp", lambda: "20210718-120000")
     folders = []
     for _ in range(3):
-        folders.append(session.new_folder(None, "ant", "scratch"))
+        folders.append(start.new_folder(None, "ant", "scratch"))
         folders[-1].mkdir(parents=True)
     assert [folder.name for folder in folders] == [
         "scratch-20210718-120000", "scratch-20210718-120000-2", "scratch-20210718-120000-3",

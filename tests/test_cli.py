@@ -16,7 +16,7 @@ from repaint_cli.cli import screen
 from repaint_cli.cli.app import app
 from repaint_cli.cli.compare_options import CompareOptions
 from repaint_cli.cli.evaluate import EvaluateOptions
-from repaint_cli.cli.option_values import parse_ratio, seed_list
+from repaint_cli.cli.option_values import parse_ratio
 from repaint_cli.cli.train_teacher import TrainTeacherOptions
 from repaint_cli.cli.transfer_options import TransferOptions
 from repaint_cli.envs.gymnasium.simulator import GymnasiumSimulator
@@ -24,6 +24,7 @@ from repaint_cli.errors import RenderError
 from repaint_cli.policies.spaces import Spaces
 from repaint_cli.runs.experiment import Experiment
 from repaint_cli.runs.plan import Plan
+from repaint_cli.runs.start import seed_list
 from repaint_cli.tasks.card_files import read_task
 
 SCRATCH = ["transfer", "--task", "reacher", "--method", "scratch", *QUICK]

@@ -54,7 +54,7 @@ def imports_of(source):
                 libraries.add(library)
                 continue
             first = rest.partition(".")[0]
-            if (PACKAGE / first).is_dir():
+            if first and (PACKAGE / first).is_dir():
                 ours.add(first)
             elif first == "__version__" or (PACKAGE / f"{first}.py").is_file():
                 ours.add("ground")

@@ -1,10 +1,11 @@
 """`repaint compare`."""
 
+import json
 from pathlib import Path
 
 from repaint_cli.cli.compare_options import METHODS, CompareOptions
 from repaint_cli.cli.option_rules import check_together, parsed_into, settings_of
-from repaint_cli.cli.option_values import parse_methods, parse_target, seed_list
+from repaint_cli.cli.option_values import parse_methods, parse_target
 
 
 @parsed_into(CompareOptions)
@@ -17,28 +18,60 @@ def compare(options: CompareOptions) -> None:
         repaint compare runs/reacher/* --report report
         repaint compare --task reacher --teacher reacher-gentle --jobs 2
     """
-    from repaint_cli.cli import contest, side_by_side
-    from repaint_cli.tasks.card_files import read_task
+    import repaint_cli
+    from repaint_cli.cli.comparison_table import print_comparison
+    from repaint_cli.cli.screen import say_written
 
     target = parse_target(options.target)
     check_together(options)
     folders = list(options.folders or [])
     if options.task:
-        methods = METHODS if options.methods is None else options.methods
-        side_by_side.check_reference(options.reference, folders, methods)
-        seeds = seed_list(options.seed or 0, 3 if options.seeds is None else options.seeds)
-        jobs = 1 if options.jobs is None else options.jobs
-        names = parse_methods(methods, jobs)
-        card = read_task(options.task).with_settings(settings_of(options))
-        folders += contest.train_all(card, names, options.teacher, seeds, jobs)
+        folders += _train(options, folders)
     if options.trajectories:
-        picture = options.output or Path("compare-trajectories.png")
-        return side_by_side.play(folders, picture, options.json)
-    return side_by_side.compare(
+        return _play(folders, options.output or Path("compare-trajectories.png"), options.json)
+    compared = repaint_cli.compare(
         folders,
-        options.reference or "scratch",
-        target,
-        options.output,
-        options.report,
-        options.json,
+        reference=options.reference or "scratch",
+        target=target,
+        picture=options.output,
+        report=options.report,
     )
+    if options.json:
+        return print(json.dumps(compared.comparison.as_json(), indent=2))
+    print_comparison(compared.comparison)
+    return say_written(compared.written, "repaint transfer --help")
+
+
+def _train(options: CompareOptions, folders: list[Path]) -> list[Path]:
+    """Train the methods that are to be compared; return their runs' folders."""
+    from rich.console import Console
+
+    import repaint_cli
+    from repaint_cli.runs.compare import check_reference
+    from repaint_cli.runs.start import seed_list
+
+    methods = METHODS if options.methods is None else options.methods
+    check_reference(options.reference, folders, methods.split(","))
+    seeds = seed_list(options.seed or 0, 3 if options.seeds is None else options.seeds)
+    jobs = 1 if options.jobs is None else options.jobs
+    names = parse_methods(methods, jobs)
+    card = repaint_cli.load_task(options.task or "").with_settings(settings_of(options))
+    screen, trained = Console(stderr=True, soft_wrap=True, highlight=False), list[Path]()
+    for folder in repaint_cli.train_methods(card, names, options.teacher or (), seeds, jobs):
+        trained.append(folder)
+        screen.print(f"{len(trained)} of {len(names)}: wrote [bold]{folder}/[/bold]")
+    return sorted(trained, key=lambda folder: names.index(folder.name))
+
+
+def _play(folders: list[Path], picture: Path, as_json: bool) -> None:
+    """Let the last policies of runs play, and draw their paths side by side."""
+    import repaint_cli
+    from repaint_cli.cli.episode_table import table
+    from repaint_cli.cli.screen import out, say_written
+
+    played = repaint_cli.play_runs(folders, picture)
+    if as_json:
+        return print(json.dumps([one.as_json() for one in played], indent=2))
+    for one in played:
+        out.print(table(one.label, one.run.seeds, one.run.task.env, one.episodes))
+    return say_written([picture], "repaint compare --help")

@@ -1,10 +1,15 @@
 """`repaint eval`."""
 
+import shlex
 from pathlib import Path
-from typing import Annotated, Literal, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
 
-from repaint_cli.cli.option_rules import Rule, parsed_into, settings_of
+from repaint_cli.cli.option_rules import Rule, parsed_into
 from repaint_cli.cli.options import HOW, WRITE, Set, argument, option
+from repaint_cli.errors import UsageError
+
+if TYPE_CHECKING:
+    from repaint_cli.runs.evaluate import Evaluation
 
 PLAYED = "What to play"
 
@@ -75,18 +80,40 @@ def evaluate(options: EvaluateOptions) -> None:
         repaint eval --render-offscreen
         repaint eval racer-inner --task racer-outer --episodes 20
     """
-    from repaint_cli.cli.examine import adjusted, check_options, examine, subject
+    import repaint_cli
+    from repaint_cli.cli.episode_table import table
+    from repaint_cli.cli.screen import out, say_written
+    from repaint_cli.errors import RenderError
 
-    policies = subject(options.policy, options.task, Path("runs"))
-    policies = adjusted(policies, settings_of(options), options.set)
-    check_options(
-        policies.task, options.video_episodes, options.noise, options.simtrace, options.colour
+    if options.video_episodes is not None and options.video_episodes < 1:
+        raise UsageError(f"expected --video-episodes of at least 1, found {options.video_episodes}")
+    evaluation = repaint_cli.evaluate(
+        options.policy,
+        task=options.task,
+        episodes=options.episodes,
+        noise=options.noise,
+        settings=options.set or (),
+        seed=options.seed,
+        for_film=options.render_offscreen,
+        log_folder=options.simtrace,
+        colour=options.colour or "",
     )
-    examine(
-        policies,
-        options.seed,
-        options.video_episodes,
-        options.render_offscreen,
-        options.simtrace,
-        options.colour or "",
-    )
+    policies, written = evaluation.policies, list(evaluation.written)
+    out.print(table(policies.name, policies.seeds, policies.card.env, evaluation.episodes))
+    command = _following(options, evaluation)
+    if options.render_offscreen:
+        try:
+            written.append(evaluation.film(options.video_episodes))
+        except RenderError:
+            say_written(written, command)
+            raise
+    say_written(written, command)
+
+
+def _following(options: EvaluateOptions, evaluation: "Evaluation") -> str:
+    """Return the next command worth typing."""
+    policies = evaluation.policies
+    if policies.teacher is None:
+        return f"repaint compare {shlex.quote(str(policies.run_folder.parent))}/*"
+    name = options.task if policies.teacher.task.reward_code else options.policy
+    return f"repaint similarity {shlex.quote(str(name))}"

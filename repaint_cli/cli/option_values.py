@@ -1,21 +1,7 @@
 """Values of options that are more than a number or a name, and the settings behind them."""
 
 from repaint_cli.errors import NotFound, UsageError
-from repaint_cli.tasks.methods import ALGORITHMS, METHODS
 from repaint_cli.tasks.presets import PRESETS
-
-
-def seed_list(first: int, how_many: int) -> list[int]:
-    """Return the run seeds.
-
-    Raises:
-        UsageError: there would be none, or a negative one.
-    """
-    if how_many < 1 or first < 0:
-        raise UsageError(
-            f"expected --seeds of at least 1 and --seed of at least 0, found {how_many} and {first}"
-        )
-    return list(range(first, first + how_many))
 
 
 def task_named(name: str | None) -> str:
@@ -26,25 +12,6 @@ def task_named(name: str | None) -> str:
     """
     if name is None:
         raise UsageError("expected --task NAME (repaint tasks list), or --resume RUN")
-    return name
-
-
-def method_for(algorithm: str, method: str | None) -> str:
-    """Return the method's name, an algorithm's own default where none is given.
-
-    Raises:
-        NotFound: there is no such algorithm or method.
-        UsageError: the algorithm does not have the method.
-    """
-    if algorithm not in ALGORITHMS:
-        raise NotFound.named("algorithm", algorithm, ALGORITHMS, "repaint transfer --help")
-    default, *others = ALGORITHMS[algorithm]
-    name = method or default
-    if name not in METHODS:
-        raise NotFound.named("method", name, METHODS, "repaint transfer --help")
-    if name not in (default, *others):
-        known = " or ".join((default, *others))
-        raise UsageError(f"expected --method {known} with --algorithm {algorithm}, found '{name}'")
     return name
 
 

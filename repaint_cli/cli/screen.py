@@ -1,7 +1,8 @@
 """What people see during a run: a live display on a terminal, a line per iteration elsewhere."""
 
-from collections.abc import Sequence
-from types import TracebackType
+import shlex
+from collections.abc import Callable, Sequence
+from pathlib import Path
 
 import numpy as np
 from rich.console import Console, Group
@@ -10,18 +11,23 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.text import Text
 
 from repaint_cli.cli.console import literal
+from repaint_cli.errors import StoreError, Terminated
+from repaint_cli.runs.carry_out import TrainedRun, Watcher
 from repaint_cli.runs.experiment import Experiment
 from repaint_cli.runs.metrics import Report
+from repaint_cli.runs.plan import Plan
 from repaint_cli.runs.record import Alarm
 
 out = Console(soft_wrap=True, highlight=False, emoji=False)
 
 
-class Screen:
-    """Shows an experiment's reports as they come."""
+class Screen(Watcher):
+    """Shows a training as it goes, what it wrote, and the next command worth typing."""
 
-    def __init__(self, experiment: Experiment) -> None:
-        plan = experiment.plan
+    def __init__(self) -> None:
+        self._unfinished: Plan | None = None
+        """What has begun and is not all written."""
+        self._training = False
         self._progress = Progress(
             TextColumn("{task.description}"),
             BarColumn(),
@@ -30,31 +36,26 @@ class Screen:
             TextColumn("left"),
             console=out,
         )
-        total, done = plan.task.ppo.n_iterations, experiment.learner.iteration
-        what = f"{plan.method} · {literal(plan.task.name)}"
-        self._bar = self._progress.add_task(what, total=total, completed=done)
-        self._total = total
-        self._numbers = Text(f"  iteration {done + 1} …", style="dim")
+        self._bar, self._total, self._numbers = self._progress.add_task(""), 0, Text()
         self._live = Live(get_renderable=self._render, console=out, refresh_per_second=4)
 
     def _render(self) -> Group:
         return Group(self._progress, self._numbers)
 
-    def __enter__(self) -> "Screen":
+    def begin(self, experiment: Experiment) -> None:
+        """Show what was noticed before a run, and how far it is."""
+        for notice in experiment.notices:
+            out.print(f"[yellow]warning:[/yellow] {literal(notice)}")
+        plan, done = experiment.plan, experiment.learner.iteration
+        self._unfinished, self._training = plan, True
+        self._total = plan.task.ppo.n_iterations
+        name = f"{plan.method} · {literal(plan.task.name)}"
+        self._progress.update(self._bar, description=name, total=self._total, completed=done)
+        self._numbers = Text(f"  iteration {done + 1} …", style="dim")
         if out.is_terminal:
             self._live.start()
-        return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        if out.is_terminal:
-            self._live.stop()
-
-    def show(self, report: Report, alarms: Sequence[Alarm] = ()) -> None:
+    def show(self, report: Report, alarms: Sequence[Alarm]) -> None:
         """Show an iteration's numbers, and what looks wrong."""
         numbers = numbers_of(report)
         if out.is_terminal:
@@ -65,14 +66,60 @@ class Screen:
         for alarm in alarms:
             out.print(f"[yellow]warning:[/yellow] {literal(alarm.text)}")
 
+    def end(self, experiment: Experiment, cause: BaseException | None) -> None:
+        """Leave the live display; say after which iteration a run was interrupted."""
+        if out.is_terminal:
+            self._live.stop()
+        if isinstance(cause, KeyboardInterrupt | Terminated):
+            out.print(f"interrupted after iteration {experiment.learner.iteration}")
+        goes_on = cause is None or (
+            isinstance(cause, KeyboardInterrupt) and experiment.learner.iteration > 0
+        )
+        self._training = not goes_on
+
+    def finish(self, trained: TrainedRun) -> None:
+        """Say what was written."""
+        self._unfinished = None
+        say_written(trained.written, following(trained))
+
+    def run(self, train: Callable[..., TrainedRun], *args: object, **options: object) -> None:
+        """Train, and say how to go on if that ends early."""
+        try:
+            train(*args, watcher=self, **options)
+        except (KeyboardInterrupt, Terminated, StoreError):
+            if self._unfinished:
+                kept = "next:" if self._training else "not all is drawn and kept; next:"
+                out.print(f"{kept} [bold]{literal(self._unfinished.resuming)}[/bold]")
+            raise
+
+
+def following(trained: TrainedRun) -> str:
+    """Return the next command worth typing after a run."""
+    if trained.interrupted:
+        return trained.plan.resuming
+    policy = shlex.quote(str(trained.run.folder))
+    if trained.teacher and not trained.plan.task.reward_code:  # never run from a teacher's file
+        policy = str(trained.plan.teacher_name)
+    return f"repaint eval {policy} --render-offscreen"
+
 
 def numbers_of(report: Report) -> str:
     """Return an iteration's numbers in a line of at most 78 characters."""
-    stats, played = report.stats, report.evaluation
+    stats, episodes = report.stats, report.evaluation
     speed = stats.metrics["steps_per_second"][0]
-    parts = [stats.phase, f"{speed:,.0f} steps/s", f"return {played.returns.mean():.4g}"]
-    if played.progress is not None:
-        parts.append(f"progress {played.progress.mean():.0f} %")
+    parts = [stats.phase, f"{speed:,.0f} steps/s", f"return {episodes.returns.mean():.4g}"]
+    if episodes.progress is not None:
+        parts.append(f"progress {episodes.progress.mean():.0f} %")
     if "kept_fraction" in stats.metrics:
         parts.append(f"kept {np.mean(stats.metrics['kept_fraction']):.2f}")
     return " · ".join(parts)
+
+
+def say_written(files: Sequence[Path], command: str) -> None:
+    """Print every file written, folder by folder, and the next command worth typing."""
+    folders: dict[Path, list[str]] = {}
+    for path in files:
+        folders.setdefault(path.parent, []).append(path.name)
+    for folder, names in folders.items():
+        out.print(f"wrote [bold]{literal(folder)}/[/bold]: {literal(', '.join(names))}")
+    out.print(f"next: [bold]{literal(command)}[/bold]")

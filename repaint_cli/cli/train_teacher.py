@@ -5,7 +5,7 @@ from typing import Annotated, NamedTuple
 import typer
 
 from repaint_cli.cli.option_rules import Rule, check_resume, parsed_into, settings_of
-from repaint_cli.cli.option_values import seed_list, task_named
+from repaint_cli.cli.option_values import task_named
 from repaint_cli.cli.options import (
     WHERE,
     EvalEpisodes,
@@ -57,25 +57,29 @@ def train_teacher(options: TrainTeacherOptions) -> None:
         repaint train-teacher --task racer-inner
         repaint train-teacher --task my-task.toml --name mine --seeds 3
     """
-    from repaint_cli.cli.session import carry_out, new_folder, new_teacher_name, plan_again
-    from repaint_cli.runs.plan import Plan
-    from repaint_cli.tasks.card_files import read_task
+    import repaint_cli
+    from repaint_cli.cli.screen import Screen
 
     if options.resume:
         check_resume(options, options.context)
-        plan = plan_again(
-            options.resume, options.iterations, options.name, options.replace, for_teacher=True
+        return Screen().run(
+            repaint_cli.resume,
+            options.resume,
+            iterations=options.iterations,
+            name=options.name,
+            replace=options.replace,
+            tensorboard=options.tensorboard,
+            for_teacher=True,
         )
-        return carry_out(plan, options.tensorboard, resume=True)
-    card = read_task(task_named(options.task)).with_settings(settings_of(options))
-    name = new_teacher_name(options.name or card.name, options.replace)
-    plan = Plan(
+    card = repaint_cli.load_task(task_named(options.task)).with_settings(settings_of(options))
+    return Screen().run(
+        repaint_cli.train,
         card,
-        "scratch",
-        seed_list(options.seed, options.seeds),
-        new_folder(options.run, card.name, "scratch"),
-        teacher_name=name,
+        seeds=options.seeds,
+        seed=options.seed,
+        name=options.name,
         replace=options.replace,
+        folder=options.run,
         keep=options.keep,
+        tensorboard=options.tensorboard,
     )
-    carry_out(plan, options.tensorboard)

@@ -8,7 +8,7 @@ from repaint_cli.cli.option_rules import (
     parsed_into,
     settings_of,
 )
-from repaint_cli.cli.option_values import method_for, seed_list, task_named
+from repaint_cli.cli.option_values import task_named
 from repaint_cli.cli.transfer_options import TransferOptions
 
 
@@ -22,39 +22,37 @@ def transfer(options: TransferOptions) -> None:
         repaint transfer --teacher racer-inner --task racer-outer
         repaint transfer --task reacher --method scratch --seeds 5
     """
-    from repaint_cli.cli.session import (
-        carry_out,
-        find_acting,
-        find_teachers,
-        new_folder,
-        plan_again,
-    )
-    from repaint_cli.runs.plan import Plan
-    from repaint_cli.tasks.card_files import read_task
+    import repaint_cli
+    from repaint_cli.cli.screen import Screen
+    from repaint_cli.tasks.methods import method_for
 
     if options.resume:
         check_resume(options, options.context)
-        plan = plan_again(options.resume, options.iterations)
-        return carry_out(plan, options.tensorboard, resume=True)
+        return Screen().run(
+            repaint_cli.resume,
+            options.resume,
+            iterations=options.iterations,
+            tensorboard=options.tensorboard,
+            for_teacher=False,
+        )
     algorithm = options.algorithm
     method = method_for(algorithm, options.method)
     check_method(options, method, algorithm)
     options = options.with_auto()
-    card = read_task(task_named(options.task))
+    card = repaint_cli.load_task(task_named(options.task))
     check_together(options)
     card = card.with_settings(settings_of(options, algorithm))
     check_card(options, card, algorithm)
-    teachers = find_teachers(options.teacher, method)
-    acting = find_acting(options.instances_from, teachers)
-    names = [algorithm] * (algorithm != "ppo") + [method, *(path.stem for path in teachers)]
-    plan = Plan(
+    return Screen().run(
+        repaint_cli.transfer,
         card,
-        method,
-        seed_list(options.seed, options.seeds),
-        new_folder(options.run, card.name, "-".join(names)),
-        teachers,
-        acting,
-        algorithm,
+        options.teacher or (),
+        method=method,
+        algorithm=algorithm,
+        instances_from=options.instances_from or (),
+        seeds=options.seeds,
+        seed=options.seed,
+        folder=options.run,
         keep=options.keep,
+        tensorboard=options.tensorboard,
     )
-    carry_out(plan, options.tensorboard)

@@ -140,7 +140,7 @@ def export(
         repaint zoo export racer-inner my-folder
         repaint zoo export racer-inner my-folder --onnx
     """
-    from repaint_cli.cli.session import say_written
+    from repaint_cli.cli.screen import say_written
     from repaint_cli.zoo.export import export
     from repaint_cli.zoo.store import find
 

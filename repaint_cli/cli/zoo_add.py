@@ -49,9 +49,9 @@ def add(
         repaint zoo add my-teacher teacher.safetensors
         repaint zoo add my-teacher model.zip --from sb3 --task reacher
     """
-    from repaint_cli.cli.screen import out
-    from repaint_cli.cli.session import new_teacher_name, say_written
+    from repaint_cli.cli.screen import out, say_written
     from repaint_cli.paths import user_zoo
+    from repaint_cli.runs.start import new_teacher_name
     from repaint_cli.zoo import store
 
     name = new_teacher_name(name, replace)

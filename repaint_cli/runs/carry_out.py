@@ -5,7 +5,6 @@ from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 
-from repaint_cli.errors import Terminated
 from repaint_cli.paths import user_zoo
 from repaint_cli.runs.experiment import Experiment
 from repaint_cli.runs.figures import draw_run
@@ -41,8 +40,11 @@ class Watcher:
     def show(self, report: Report, alarms: Sequence[Alarm]) -> None:
         """An iteration is on disk; the alarms are what looked wrong in it."""
 
-    def end(self, experiment: Experiment, interrupted: bool) -> None:
-        """The run trains no longer; figures and teachers are still to be written."""
+    def end(self, experiment: Experiment, cause: BaseException | None) -> None:
+        """The run trains no longer, because of an exception or as it is done.
+
+        Figures and teachers are still to be written.
+        """
 
     def finish(self, trained: TrainedRun) -> None:
         """All is written."""
@@ -82,7 +84,8 @@ def carry_out(
 
 def _train(experiment: Experiment, watcher: Watcher, tensorboard: bool) -> KeyboardInterrupt | None:
     """Train; return what ended it early, if that left something to draw."""
-    plan, interrupted = experiment.plan, True
+    plan = experiment.plan
+    cause: BaseException | None = None
     events = Events(plan.files.tensorboard, plan.seeds) if tensorboard else nullcontext()
     try:
         with events as writer:
@@ -90,13 +93,13 @@ def _train(experiment: Experiment, watcher: Watcher, tensorboard: bool) -> Keybo
                 watcher.show(report, experiment.newest_alarms)
                 if writer:
                     writer.add(report)
-        interrupted = False
-    except (KeyboardInterrupt, Terminated) as interruption:
-        if isinstance(interruption, Terminated) or not experiment.learner.iteration:
-            raise
-        return interruption
+    except BaseException as error:
+        cause = error
+        if isinstance(error, KeyboardInterrupt) and experiment.learner.iteration:
+            return error
+        raise
     finally:
-        watcher.end(experiment, interrupted)
+        watcher.end(experiment, cause)
     return None
 
 

@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from repaint_cli.envs.episodes import Episodes
 from repaint_cli.errors import CardError, UsageError
@@ -42,6 +43,12 @@ class PlayedRun:
     """Its task and the run's label."""
     episodes: Episodes
     """How they did."""
+
+    def as_json(self) -> dict[str, Any]:
+        """Return which run it is and how it did, as JSON."""
+        run, returns = self.run, self.episodes.returns.tolist()
+        named = {"run": str(run.folder), "task": run.task.name, "label": run.label}
+        return named | {"returns": returns} | run.task.env.outcomes(self.episodes)
 
 
 def compare(
@@ -122,9 +129,8 @@ def play_runs(folders: Sequence[Path], picture: Path) -> list[PlayedRun]:
     runs = _with_iterations(folders)
     places = sorted({run.task.env.place for run in runs})
     if len(places) != 1:
-        raise CardError(
-            f"expected runs on one track or in one environment, found {', '.join(places) or 'no run'}"
-        )
+        named = ", ".join(places) or "no run"
+        raise CardError(f"expected runs on one track or in one environment, found {named}")
     if not runs[0].task.env.has_paths:
         raise CardError(f"expected a task with paths to draw, found '{runs[0].task.name}'")
     played = []

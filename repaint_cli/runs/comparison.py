@@ -66,6 +66,16 @@ class Comparison:
     """Iterations that all runs have, over which areas are taken."""
     standings: tuple[Standing, ...]
 
+    def as_json(self) -> dict[str, object]:
+        """Return all of it as JSON."""
+        return {
+            "task": self.task,
+            "target": self.target,
+            "reference": self.reference,
+            "iterations": self.iterations,
+            "runs": [as_row(standing) for standing in self.standings],
+        }
+
     @property
     def goal(self) -> str:
         """The target in words."""

@@ -44,6 +44,8 @@ class Policies:
     """Where to write the evaluation."""
     teacher: TeacherCard | None = None
     """The teacher, if it is one."""
+    run_folder: Path = ROOT
+    """The run's folder, if they are a run's."""
 
 
 @dataclass(frozen=True)
@@ -106,7 +108,7 @@ def _of_run(run: FinishedRun, card: TaskCard | None) -> Policies:
             f"task '{card.name}' has {spaces_of(card)}"
         )
     name = f"{run.task.name} · {run.label} · iteration {run.returns.shape[1]}"
-    return Policies(name, network, run.seeds, card or run.task, run.folder)
+    return Policies(name, network, run.seeds, card or run.task, run.folder, run_folder=run.folder)
 
 
 def _of_teacher(name: str, card: TaskCard | None) -> Policies:
@@ -138,6 +140,26 @@ def last_policies(run: FinishedRun) -> ActorCritic:
     network = ActorCritic(*like, seeds)
     load_networks(path, network)
     return network
+
+
+def check_simulator(
+    card: TaskCard, noise: str | None, log_folder: Path | None, colour: str
+) -> None:
+    """Check that a task's simulator has what is asked for.
+
+    Raises:
+        CardError: it has no noise, no logs, or no such colour.
+    """
+    known = {
+        "--noise": not noise or card.env.has_noise,
+        "--simtrace": not log_folder or card.env.logs is not None,
+        "--colour": not colour or colour in card.env.colours,
+    }
+    for option, fits in known.items():
+        if not fits:
+            raise CardError(
+                f"expected {option} with a racing task, found '{card.name}'; leave it out"
+            )
 
 
 def adjusted(policies: Policies, options: Sequence[str], settings: Sequence[str]) -> Policies:

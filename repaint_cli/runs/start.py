@@ -12,7 +12,7 @@ from repaint_cli.provenance import stamp
 from repaint_cli.runs.plan import Plan, plan_of
 from repaint_cli.runs.reader import read_run
 from repaint_cli.tasks.card import TaskCard
-from repaint_cli.tasks.methods import ALGORITHMS, METHODS
+from repaint_cli.tasks.methods import METHODS, method_for
 from repaint_cli.zoo import store
 from repaint_cli.zoo.teacher_card import check_name
 
@@ -106,25 +106,6 @@ def seed_list(first: int, how_many: int) -> list[int]:
             f"expected --seeds of at least 1 and --seed of at least 0, found {how_many} and {first}"
         )
     return list(range(first, first + how_many))
-
-
-def method_for(algorithm: str, method: str | None) -> str:
-    """Return the method's name, an algorithm's own default where none is given.
-
-    Raises:
-        NotFound: there is no such algorithm or method.
-        UsageError: the algorithm does not have the method.
-    """
-    if algorithm not in ALGORITHMS:
-        raise NotFound.named("algorithm", algorithm, ALGORITHMS, "repaint transfer --help")
-    default, *others = ALGORITHMS[algorithm]
-    name = method or default
-    if name not in METHODS:
-        raise NotFound.named("method", name, METHODS, "repaint transfer --help")
-    if name not in (default, *others):
-        known = " or ".join((default, *others))
-        raise UsageError(f"expected --method {known} with --algorithm {algorithm}, found '{name}'")
-    return name
 
 
 def new_folder(folder: Path | None, task: str, what: str) -> Path:

@@ -11,8 +11,9 @@ from repaint_cli.runs.experiment import Experiment
 from repaint_cli.runs.figures import draw_run
 from repaint_cli.runs.plan import Plan
 from repaint_cli.runs.reader import read_run
-from repaint_cli.runs.start import find_teachers, method_for, new_folder
+from repaint_cli.runs.start import find_teachers, new_folder
 from repaint_cli.tasks.card import TaskCard
+from repaint_cli.tasks.methods import method_for
 
 
 def plan_methods(

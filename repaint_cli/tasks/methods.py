@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from repaint_cli.errors import NotFound, UsageError
+
 if TYPE_CHECKING:
     from repaint_cli.settings import TransferConfig
 
@@ -55,3 +57,22 @@ ALGORITHMS = {
     "q-learning": ("instance", "scratch"),
 }
 """Methods that each algorithm knows; the first is its default."""
+
+
+def method_for(algorithm: str, method: str | None) -> str:
+    """Return the method's name, an algorithm's own default where none is given.
+
+    Raises:
+        NotFound: there is no such algorithm or method.
+        UsageError: the algorithm does not have the method.
+    """
+    if algorithm not in ALGORITHMS:
+        raise NotFound.named("algorithm", algorithm, ALGORITHMS, "repaint transfer --help")
+    default, *others = ALGORITHMS[algorithm]
+    name = method or default
+    if name not in METHODS:
+        raise NotFound.named("method", name, METHODS, "repaint transfer --help")
+    if name not in (default, *others):
+        known = " or ".join((default, *others))
+        raise UsageError(f"expected --method {known} with --algorithm {algorithm}, found '{name}'")
+    return name

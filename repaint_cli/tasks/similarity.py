@@ -1,8 +1,12 @@
 """How alike two tasks are, by the weights of their reward terms (paper, section 6)."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from math import hypot
+from typing import NamedTuple
 
+from repaint_cli.tasks.card import TaskCard
+from repaint_cli.tasks.reward_fit import Fit, fit, weighed
 from repaint_cli.tasks.task import Task
 
 
@@ -41,3 +45,55 @@ def relation(teacher: Task, target: Task) -> str:
         return "not comparable"
     part = any(weight and not teacher.reward.get(name) for name, weight in target.reward.items())
     return ("similar" if similarity > 0 else "different") + (", sub-task" if part else "")
+
+
+class Similarity(NamedTuple):
+    """What a teacher of one task is to another task."""
+
+    teacher: str
+    """The teacher's task."""
+    target: str
+    """The other task."""
+    cosine: float | None
+    """Of their weights; None where they are not comparable."""
+    relation: str
+    """The paper's verdict."""
+
+
+@dataclass(frozen=True)
+class Similarities:
+    """Tasks beside each other."""
+
+    tasks: Sequence[TaskCard]
+    """The tasks, with weights."""
+    fits: dict[str, Fit]
+    """By task, the weights that were fitted to a reward function."""
+
+    @property
+    def pairs(self) -> list[Similarity]:
+        """Every task as the teacher's of every other one."""
+        return [self.of(a, b) for a in self.tasks for b in self.tasks if a is not b]
+
+    def of(self, teacher: TaskCard, target: TaskCard) -> Similarity:
+        """Return what a teacher of one of the tasks is to another one of them."""
+        value = cosine(teacher, target)
+        return Similarity(teacher.name, target.name, value, relation(teacher, target))
+
+    def groups(self) -> list[list[TaskCard]]:
+        """Return the tasks in groups whose weights compare."""
+        groups, left = [], list(self.tasks)
+        while left:
+            first = left[0]
+            groups.append([t for t in left if t is first or cosine(first, t) is not None])
+            left = [task for task in left if task not in groups[-1]]
+        return groups
+
+
+def similarities_of(cards: Sequence[TaskCard]) -> Similarities:
+    """Compare tasks, with weights fitted in place of reward functions.
+
+    Raises:
+        CardError: a reward function is no weighted sum of the simulator's terms, or failed.
+    """
+    fits = {card.name: fit(card) for card in cards if card.reward_code}
+    return Similarities([weighed(c, fits[c.name]) if c.reward_code else c for c in cards], fits)

@@ -1,0 +1,31 @@
+"""A task by name, be it a shipped task, a card of one's own, or the task of a teacher."""
+
+from repaint_cli.errors import CardError, NotFound
+from repaint_cli.tasks.card import TaskCard
+from repaint_cli.tasks.card_files import read_task, shipped_tasks
+from repaint_cli.zoo import store
+from repaint_cli.zoo.teacher_card import read_card
+
+
+def read_task_or_teacher(name: str) -> TaskCard:
+    """Read a task's card, or the card inside a teacher.
+
+    Raises:
+        NotFound: there is no such task or teacher.
+        CardError: the card says something it may not, or a teacher's has a reward function, which
+            is never run from a teacher's file.
+        CheckpointError: the teacher's file is damaged.
+    """
+    if name.endswith(".toml") or name in shipped_tasks():
+        return read_task(name)
+    teachers = store.teachers()
+    if name in teachers or name.endswith(".safetensors"):
+        card = read_card(store.find(name)).task
+        if card.reward_code:
+            raise CardError(
+                f"'{name}' was trained with the reward function {card.reward_code.name}, which is "
+                "never run from a teacher's file; name its card: my-task.toml"
+            )
+        return card
+    known = [*shipped_tasks(), *teachers]
+    raise NotFound.named("task or teacher", name, known, "repaint tasks list, repaint zoo list")
