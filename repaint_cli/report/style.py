@@ -12,6 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import Colormap, LinearSegmentedColormap, to_hex, to_rgb
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 
 from repaint_cli.files.atomic import atomic_write
 
@@ -54,9 +55,6 @@ def ramp() -> Colormap:
     return LinearSegmentedColormap.from_list("repaint", stops)
 
 
-matplotlib.rcParams["text.parse_math"] = False  # names are drawn as they are, $ and all
-
-
 def new_figure(width: float, height: float) -> Figure:
     """Make an empty white figure of so many inches."""
     figure = Figure(figsize=(width, height), dpi=DPI, layout="constrained", facecolor="white")
@@ -97,6 +95,8 @@ def save(figure: Figure, path: Path) -> None:
     Raises:
         StoreError: the file cannot be written; an earlier file of that name is as it was.
     """
+    for text in figure.findobj(Text):
+        text.set_parse_math(False)  # names are drawn as they are, $ and all
     with atomic_write(path) as scratch:
         if path.suffix == ".svg":
             with matplotlib.rc_context({"svg.hashsalt": "repaint", "svg.fonttype": "none"}):
