@@ -72,7 +72,7 @@ class Evaluation:
             RenderError: no renderer works here.
             StoreError: the file cannot be written.
         """
-        card, path = self.policies.card, self.policies.folder / "video.mp4"
+        card, path = self.policies.card, RunFolder(self.policies.folder).film
         if card.env.films_observations and self.episodes.observations is None:
             raise CardError("expected an evaluation that keeps observations: for_film=True")
         wanted = min(n_episodes or card.env.filmed_episodes, card.eval.episodes)
@@ -215,11 +215,12 @@ def play(
         policies.network, card, seeds, n, purpose=Purpose.SCORE,
         keep_observations=for_film and card.env.films_observations,
     )  # fmt: skip
-    written = [policies.folder / "eval.json"]
+    files = RunFolder(policies.folder)
+    written = [files.eval_record]
     write_text(written[0], json.dumps(_summary(policies, episodes, seeds), indent=2) + "\n")
-    figure, title = policies.folder / "eval-trajectories.png", f"{policies.name} · seed {seeds[0]}"
-    if draw_trajectories(card, [(f"{n} episodes", episodes)], figure, title, colour):
-        written.append(figure)
+    panels, title = [(f"{n} episodes", episodes)], f"{policies.name} · seed {seeds[0]}"
+    if draw_trajectories(card, panels, files.eval_trajectories, title, colour):
+        written.append(files.eval_trajectories)
     if log_folder:
         written += _log(policies, episodes, log_folder)
     return Evaluation(policies, seeds, episodes, written)
