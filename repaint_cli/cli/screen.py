@@ -88,8 +88,8 @@ class Screen(Watcher):
             train(*args, watcher=self, **options)
         except (KeyboardInterrupt, Terminated, StoreError):
             if self._unfinished:
-                kept = "next:" if self._training else "not all is drawn and kept; next:"
-                out.print(f"{kept} [bold]{literal(self._unfinished.resuming)}[/bold]")
+                hint = "next:" if self._training else "not all is drawn and kept; next:"
+                out.print(f"{hint} [bold]{literal(self._unfinished.resuming)}[/bold]")
             raise
 
 

@@ -62,7 +62,7 @@ def compare(
 
     Raises:
         NotFound: there is no such folder or reference.
-        CardError: the runs are of several tasks, or there is none.
+        CardError: the runs are of several tasks, or there is no run.
         StoreError: a file cannot be written.
     """
     runs = read_runs(folders)
@@ -81,7 +81,7 @@ def read_runs(folders: Sequence[Path]) -> dict[str, FinishedRun]:
 
     Raises:
         NotFound: there is no such folder.
-        CardError: the runs are of several tasks, or there is none.
+        CardError: the runs are of several tasks, or there is no run.
     """
     runs = _with_iterations(folders)
     tasks = sorted({run.task.name for run in runs})

@@ -126,7 +126,7 @@ class Experiment:
         Whenever this stops, also by Ctrl-C, the last finished iteration is on disk.
 
         Raises:
-            StoreError: another process is at this run, or the disk is full.
+            StoreError: another process writes this run, or the disk is full.
         """
         with self.plan.files.locked():
             torch.set_num_threads(self.record.threads)  # sums in another order are other sums
@@ -221,7 +221,7 @@ class Experiment:
         """Score the best evaluated policy on fresh seeds and write it as a teacher.
 
         Raises:
-            StoreError: another has that name by now, or the folder cannot be written.
+            StoreError: another teacher has that name by now, or the folder cannot be written.
         """
         best = self.plan.files.best
         network, card = store.load_teacher(best)

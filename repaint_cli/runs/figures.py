@@ -25,11 +25,11 @@ def draw_run(run: FinishedRun) -> list[Path]:
 
 def _draw_evaluations(run: FinishedRun, title: str) -> list[Path]:
     """Draw where some of the evaluations led."""
-    kept = list(run.files.kept_evaluations().items())
-    if not kept:
+    files = list(run.files.kept_evaluations().items())
+    if not files:
         return []
-    chosen = np.unique(np.linspace(0, len(kept) - 1, PANELS).round().astype(int))
-    panels = [(f"iteration {k}", evaluations.read(path)) for k, path in (kept[i] for i in chosen)]
+    chosen = np.unique(np.linspace(0, len(files) - 1, PANELS).round().astype(int))
+    panels = [(f"iteration {k}", evaluations.read(path)) for k, path in (files[i] for i in chosen)]
     trajectories = run.files.trajectories
     return [trajectories] if draw_trajectories(run.task, panels, trajectories, title) else []
 

@@ -41,8 +41,8 @@ def begin(card: TaskCard, learner: Learner, course: Course) -> None:
         course.begin(learner.student, play)
 
 
-def inform(learner: Learner, course: Course, stats: IterationStats, played: Episodes) -> None:
+def inform(learner: Learner, course: Course, stats: IterationStats, evaluation: Episodes) -> None:
     """Tell a course how the evaluation after an iteration went."""
-    used = course.after_evaluation(stats.iteration, stats.phase, stats.steps, played.returns)
+    used = course.after_evaluation(stats.iteration, stats.phase, stats.steps, evaluation.returns)
     if used:
-        learner.env_steps += played.lengths.sum(1)
+        learner.env_steps += evaluation.lengths.sum(1)

@@ -157,7 +157,7 @@ def _file_of(teacher: TeacherRecord) -> Path:
     """Return a teacher's file: where it was, or in the zoo; its contents must be the same.
 
     Raises:
-        NotFound: neither place has a file.
+        NotFound: there is no file in either place.
         TeacherMismatch: the files there have other contents.
     """
     name, wanted = teacher.name, teacher.sha256

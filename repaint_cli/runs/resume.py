@@ -86,7 +86,7 @@ def save_checkpoint(
     """Write all that the run is after an iteration; keep as many earlier ones as planned.
 
     Raises:
-        StoreError: the checkpoint cannot be written; the one before is as it was.
+        StoreError: the checkpoint cannot be written; the earlier checkpoint is as it was.
     """
     files, k = plan.files, learner.iteration
     if plan.keep > 1 and files.checkpoint.is_file():

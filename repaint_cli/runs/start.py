@@ -72,7 +72,7 @@ def plan_again(
         NotFound: there is no such run, or its teacher is gone.
         CheckpointError: a file of the run is damaged or of another version.
         TeacherMismatch: the file of the run's teacher has changed.
-        UsageError: it is a run of the other command, or has more iterations already.
+        UsageError: the run is one of the other command, or has more iterations already.
         StoreError: the teacher's name is taken.
     """
     run = read_run(folder)
@@ -99,7 +99,7 @@ def seed_list(first: int, how_many: int) -> list[int]:
     """Return the run seeds.
 
     Raises:
-        UsageError: there would be none, or a negative one.
+        UsageError: the number of seeds is below 1, or the first seed is negative.
     """
     if how_many < 1 or first < 0:
         raise UsageError(
@@ -111,7 +111,7 @@ def seed_list(first: int, how_many: int) -> list[int]:
 def new_folder(folder: Path | None, task: str, what: str) -> Path:
     """Return the folder of a new run: the one asked for, or runs/<task>/<what>-<stamp>.
 
-    Two of a second, or of an hour that the clock was put back, are told apart by a number.
+    Where a folder has that name already, a number is added.
     """
     if folder:
         return folder
@@ -124,7 +124,7 @@ def new_teacher_name(name: str, replace: bool) -> str:
     """Check that a teacher may be added to the user's zoo under a name.
 
     Raises:
-        StoreError: no teacher may be called so, or one is there already.
+        StoreError: the name is invalid or taken, or the zoo cannot be written.
     """
     check_name(name)
     path = user_zoo() / f"{name}.safetensors"
@@ -140,8 +140,8 @@ def find_teachers(names: Sequence[str], method: str) -> tuple[Path, ...]:
     """Return the teachers' files; none for a method without them.
 
     Raises:
-        NotFound: there is no such teacher, or none was named for a method that needs one.
-        UsageError: there are several, and the method starts from one.
+        NotFound: there is no such teacher, or no teacher is named for a method that needs one.
+        UsageError: several teachers are named for a method that starts from one.
     """
     if not METHODS[method].needs_teacher:
         return ()
@@ -156,7 +156,7 @@ def find_acting(names: Sequence[str], teachers: Sequence[Path]) -> tuple[Path, .
     """Return the files of those teachers whose own samples are used, or None for all of them.
 
     Raises:
-        UsageError: a name is none of the run's teachers.
+        UsageError: a named teacher is not among the run's teachers.
     """
     if not names:
         return None

@@ -95,13 +95,13 @@ def select(
     if config.rule == "rbt":
         assert relevance is not None
         return Selection(*drawn(relevance, share_counts(samples.counts, config.share), rngs))
-    kept = {
+    mask = {
         "zeta": lambda: above_threshold(samples.advantages, threshold),
         "abs": lambda: above_threshold(samples.advantages.abs(), threshold),
         "top": lambda: top_share(samples, config.share),
         "all": lambda: samples.mask,
     }[config.rule]() & samples.mask
-    return Selection(*front(kept))
+    return Selection(*front(mask))
 
 
 def above_threshold(advantages: Tensor, threshold: float) -> Tensor:
