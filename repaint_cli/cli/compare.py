@@ -69,9 +69,9 @@ def _play(folders: list[Path], picture: Path, as_json: bool) -> None:
     from repaint_cli.cli.episode_table import table
     from repaint_cli.cli.screen import out, say_written
 
-    played = repaint_cli.play_runs(folders, picture)
+    evaluated = repaint_cli.play_runs(folders, picture)
     if as_json:
-        return print(json.dumps([one.as_json() for one in played], indent=2))
-    for one in played:
+        return print(json.dumps([one.as_json() for one in evaluated], indent=2))
+    for one in evaluated:
         out.print(table(one.label, one.run.seeds, one.run.task.env, one.episodes))
     return say_written([picture], "repaint compare --help")

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from repaint_cli.envs.episodes import Episodes
-from repaint_cli.envs.racer.deepracer.simtrace import read_training
+from repaint_cli.envs.racer.deepracer.simtrace_reader import read_training
 from repaint_cli.envs.racer.dynamics.car import FRONT_OFFSET
 from repaint_cli.envs.racer.film import FilmedEpisode, racer_frames
 from repaint_cli.envs.racer.names import STATUS
