@@ -131,9 +131,9 @@ def resume(
     The rest is as in `train`.
     """
     from repaint_cli.runs.carry_out import carry_out
-    from repaint_cli.runs.start import plan_again
+    from repaint_cli.runs.start import plan_resume
 
-    plan = plan_again(Path(folder), iterations, name, replace, for_teacher=for_teacher)
+    plan = plan_resume(Path(folder), iterations, name, replace, for_teacher=for_teacher)
     return carry_out(plan, watcher, resume=True, tensorboard=tensorboard)
 
 
@@ -164,18 +164,15 @@ def evaluate(
         log_folder: where to log the episodes, where the simulator has a format of logs.
         colour: what colours the paths.
     """
-    from repaint_cli.runs.evaluate import check_simulator, evaluate_policies
+    from repaint_cli.runs.evaluate import check_simulator, evaluate_policy
     from repaint_cli.runs.find_policies import find_policies, with_settings
 
     card = None if task is None else load_task(task)
     named = {"eval.episodes": episodes, "eval.noise": noise}
     options = [f"{key}={value}" for key, value in named.items() if value is not None]
-    name = None if policy is None else str(policy)
-    policies = with_settings(find_policies(name, card), options, settings)
+    policies = with_settings(find_policies(policy, card), options, settings)
     check_simulator(policies.card, noise, log_folder, colour)
-    return evaluate_policies(
-        policies, seed, for_film=for_film, log_folder=log_folder, colour=colour
-    )
+    return evaluate_policy(policies, seed, for_film=for_film, log_folder=log_folder, colour=colour)
 
 
 def similarity(*names: str) -> "Similarities":

@@ -33,7 +33,7 @@ def columns(title: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
     return "\n".join(lines)
 
 
-def agreed(question: str) -> bool:
+def confirm(question: str) -> bool:
     """Ask a person, and return whether they agree.
 
     Raises:

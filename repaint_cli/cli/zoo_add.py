@@ -55,7 +55,7 @@ def add(options: AddOptions) -> None:
         repaint zoo add my-teacher teacher.safetensors
         repaint zoo add my-teacher model.zip --from sb3 --task reacher
     """
-    from repaint_cli.cli.screen import out, say_written
+    from repaint_cli.cli.screen import out, print_written
     from repaint_cli.paths import user_zoo
     from repaint_cli.runs.start import new_teacher_name
     from repaint_cli.zoo import store
@@ -68,7 +68,7 @@ def add(options: AddOptions) -> None:
     card = card.model_copy(update={"name": name})
     path = store.add(network, 0, card, user_zoo(), replace=options.replace)
     target = shlex.quote(options.task or card.task.name)
-    say_written([path], f"repaint transfer --teacher {name} --task {target}")
+    print_written([path], f"repaint transfer --teacher {name} --task {target}")
 
 
 def _read_own(options: AddOptions) -> "tuple[ActorCritic, TeacherCard]":

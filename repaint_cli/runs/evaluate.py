@@ -68,7 +68,7 @@ def check_simulator(
             )
 
 
-def evaluate_policies(
+def evaluate_policy(
     policies: Policies,
     seed: int | None = None,
     *,

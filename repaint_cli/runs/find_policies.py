@@ -41,11 +41,11 @@ class Policies:
     """The run's folder, if they are a run's."""
 
 
-def find_policies(name: str | None, card: TaskCard | None = None) -> Policies:
+def find_policies(policy: str | Path | None, card: TaskCard | None = None) -> Policies:
     """Find a run's last policies by its folder, or a teacher's by its name or file.
 
     Args:
-        name: of a run or a teacher; the newest run where absent.
+        policy: a run's folder, a teacher's name, or its file; the newest run where absent.
         card: the task to play; the policies' own where absent.
 
     Raises:
@@ -54,11 +54,11 @@ def find_policies(name: str | None, card: TaskCard | None = None) -> Policies:
         TeacherMismatch: the policies do not fit the task.
         CardError: the task would run code that a teacher's file brings along.
     """
-    folder = newest_run(ROOT) if name is None else Path(name)
+    folder = newest_run(ROOT) if policy is None else Path(policy)
     is_run = RunFolder(folder).is_run()
-    if name is None or is_run or (folder.is_dir() and name not in store.teachers()):
+    if policy is None or is_run or (folder.is_dir() and str(policy) not in store.teachers()):
         return _of_run(read_run(folder), card)
-    return _of_teacher(name, card)
+    return _of_teacher(str(policy), card)
 
 
 def _of_run(run: FinishedRun, card: TaskCard | None) -> Policies:

@@ -18,7 +18,7 @@ from repaint_cli.runs.checkpoint import load_learner, save_learner
 from repaint_cli.runs.folder import remove
 from repaint_cli.runs.metrics import cut_csv
 from repaint_cli.runs.plan import Plan, difference
-from repaint_cli.runs.teachers import LoadedTeachers
+from repaint_cli.runs.teachers import RunTeachers
 
 
 @dataclass
@@ -81,7 +81,7 @@ class RunState:
 
 
 def save_checkpoint(
-    plan: Plan, teachers: LoadedTeachers, learner: Learner, course: Course, state: RunState
+    plan: Plan, teachers: RunTeachers, learner: Learner, course: Course, state: RunState
 ) -> None:
     """Write all that the run is after an iteration; keep as many earlier ones as planned.
 
@@ -111,7 +111,7 @@ def _copy(path: Path, other: Path) -> None:
             shutil.copyfile(path, temporary)
 
 
-def restore(plan: Plan, teachers: LoadedTeachers, learner: Learner, course: Course) -> RunState:
+def restore(plan: Plan, teachers: RunTeachers, learner: Learner, course: Course) -> RunState:
     """Put a learner and its course back to a run's last whole iteration; return what else was.
 
     A run that was stopped before its first checkpoint begins anew. Where the newest checkpoint is
@@ -139,7 +139,7 @@ def restore(plan: Plan, teachers: LoadedTeachers, learner: Learner, course: Cour
 
 
 def _check_identity(
-    path: Path, notes: Mapping[str, Any], plan: Plan, teachers: LoadedTeachers
+    path: Path, notes: Mapping[str, Any], plan: Plan, teachers: RunTeachers
 ) -> None:
     """Check that a checkpoint is of the planned run.
 

@@ -50,7 +50,7 @@ def plan_transfer(
     return Plan(card, method, seeds, folder, paths, acting, algorithm, keep=keep)
 
 
-def plan_again(
+def plan_resume(
     folder: Path,
     iterations: int | None = None,
     teacher_name: str | None = None,
@@ -58,15 +58,14 @@ def plan_again(
     *,
     for_teacher: bool | None = None,
 ) -> Plan:
-    """Return the plan of a run that is to go on, perhaps for more iterations.
+    """Return the plan of a run that goes on, perhaps for more iterations.
 
     Args:
         folder: of the run.
         iterations: how many in all; as planned where absent.
         teacher_name: another name for the teacher that it trains.
         replace_teacher: whether that may replace one in the zoo.
-        for_teacher: whether it must be a run that trains a teacher, or one that does not; either
-            where absent.
+        for_teacher: whether it must train a teacher, or must not; no matter which where absent.
 
     Raises:
         NotFound: there is no such run, or its teacher is gone.
@@ -76,23 +75,21 @@ def plan_again(
         StoreError: the teacher's name is taken.
     """
     run = read_run(folder)
-    plan = plan_of(run.record, run.task, folder)
-    trains_teacher = plan.teacher_name is not None
-    if for_teacher is not None and trains_teacher != for_teacher:
-        raise UsageError(f"{folder} was begun otherwise; go on with: {plan.resuming}")
-    done = run.returns.shape[1]
+    plan, done = plan_of(run.record, run.task, folder), run.returns.shape[1]
+    if for_teacher is not None and (plan.teacher_name is not None) != for_teacher:
+        raise UsageError(f"{folder} was begun otherwise; go on with: {plan.resume_command}")
     if iterations is not None:
         if iterations < done:
             raise UsageError(
                 f"expected --iterations of at least {done}, which {folder} has, found {iterations}"
             )
         plan = plan.for_iterations(iterations)
-    if not trains_teacher:
+    if plan.teacher_name is None:
         return plan
-    name, may = teacher_name or plan.teacher_name or "", replace_teacher or plan.replace
+    name, may_replace = teacher_name or plan.teacher_name, replace_teacher or plan.replace
     if done < plan.task.ppo.n_iterations:
-        new_teacher_name(name, may)
-    return replace(plan, teacher_name=name, replace=may)
+        new_teacher_name(name, may_replace)
+    return replace(plan, teacher_name=name, replace=may_replace)
 
 
 def seed_list(first: int, how_many: int) -> list[int]:
