@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from repaint_cli.runs.carry_out import TrainedRun, Watcher
-    from repaint_cli.runs.compare import ComparedRuns, PlayedRun
+    from repaint_cli.runs.compare import ComparedRuns, EvaluatedRun
     from repaint_cli.runs.evaluate import Evaluation
     from repaint_cli.tasks.card import TaskCard
     from repaint_cli.tasks.similarity import Similarities
@@ -131,9 +131,9 @@ def resume(
     The rest is as in `train`.
     """
     from repaint_cli.runs.carry_out import carry_out
-    from repaint_cli.runs.start import plan_again
+    from repaint_cli.runs.start import plan_resume
 
-    plan = plan_again(Path(folder), iterations, name, replace, for_teacher=for_teacher)
+    plan = plan_resume(Path(folder), iterations, name, replace, for_teacher=for_teacher)
     return carry_out(plan, watcher, resume=True, tensorboard=tensorboard)
 
 
@@ -164,15 +164,15 @@ def evaluate(
         log_folder: where to log the episodes, where the simulator has a format of logs.
         colour: what colours the paths.
     """
-    from repaint_cli.runs.evaluate import adjusted, check_simulator, find_policies, play
+    from repaint_cli.runs.evaluate import check_simulator, evaluate_policy
+    from repaint_cli.runs.find_policies import find_policies, with_settings
 
     card = None if task is None else load_task(task)
     named = {"eval.episodes": episodes, "eval.noise": noise}
     options = [f"{key}={value}" for key, value in named.items() if value is not None]
-    name = None if policy is None else str(policy)
-    policies = adjusted(find_policies(name, card), options, settings)
+    policies = with_settings(find_policies(policy, card), options, settings)
     check_simulator(policies.card, noise, log_folder, colour)
-    return play(policies, seed, for_film=for_film, log_folder=log_folder, colour=colour)
+    return evaluate_policy(policies, seed, for_film=for_film, log_folder=log_folder, colour=colour)
 
 
 def similarity(*names: str) -> "Similarities":
@@ -228,21 +228,21 @@ def compare(
         picture: of the curves; compare.png where absent.
         report: a folder for figures, tables and a page that explains them, in place of a picture.
     """
-    from repaint_cli.runs import compare as comparing
+    from repaint_cli.runs.compare import compare_runs
 
-    return comparing.compare([Path(f) for f in folders], reference, target, picture, report)
+    return compare_runs([Path(f) for f in folders], reference, target, picture, report)
 
 
 def play_runs(
     folders: Sequence[str | Path], picture: Path = Path("compare-trajectories.png")
-) -> "list[PlayedRun]":
+) -> "list[EvaluatedRun]":
     """Let the last policies of runs play, and draw the first seeds' paths side by side.
 
     The runs share a track, or an environment with paths.
     """
-    from repaint_cli.runs import compare as comparing
+    from repaint_cli.runs.compare import compare_paths
 
-    return comparing.play_runs([Path(f) for f in folders], picture)
+    return compare_paths([Path(f) for f in folders], picture)
 
 
 def _iterations(n: int | None) -> list[str]:

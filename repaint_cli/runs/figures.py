@@ -28,11 +28,11 @@ def draw_returns(run: FinishedRun) -> list[Path]:
 
 def draw_evaluations(run: FinishedRun) -> list[Path]:
     """Draw where some evaluations of the first seed led, if the task has paths."""
-    kept = list(run.files.kept_evaluations().items())
-    if not kept:
+    files = list(run.files.kept_evaluations().items())
+    if not files:
         return []
-    chosen = np.unique(np.linspace(0, len(kept) - 1, PANELS).round().astype(int))
-    panels = [(f"iteration {k}", evaluations.read(path)) for k, path in (kept[i] for i in chosen)]
+    chosen = np.unique(np.linspace(0, len(files) - 1, PANELS).round().astype(int))
+    panels = [(f"iteration {k}", evaluations.read(path)) for k, path in (files[i] for i in chosen)]
     path = run.files.trajectories
     return [path] if draw_trajectories(run.task, panels, path, _first_seed(run)) else []
 

@@ -136,7 +136,7 @@ class RunFolder:
         """Hold the folder, so that no other process writes this run.
 
         Raises:
-            StoreError: another process holds it.
+            StoreError: another process holds the folder.
         """
         return folder_lock(self.path)
 

@@ -95,8 +95,8 @@ def select(
     if config.rule == "rbt":
         assert relevance is not None
         return Selection(*drawn(relevance, share_counts(samples.counts, config.share), rngs))
-    kept = KEEPING_RULES[config.rule](samples, config, threshold)
-    return Selection(*front(kept & samples.mask))
+    mask = KEEPING_RULES[config.rule](samples, config, threshold) & samples.mask
+    return Selection(*front(mask))
 
 
 def above_threshold(advantages: Tensor, threshold: float) -> Tensor:
