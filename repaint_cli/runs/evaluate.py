@@ -12,6 +12,7 @@ from repaint_cli.learn.seeding import Purpose
 from repaint_cli.provenance import stamp
 from repaint_cli.runs.figures import draw_trajectories
 from repaint_cli.runs.find_policies import Policies
+from repaint_cli.runs.folder import RunFolder
 from repaint_cli.runs.start import seed_list
 from repaint_cli.tasks.card import TaskCard
 
