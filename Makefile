@@ -36,7 +36,7 @@ test-light:
 	$(LIGHT)/pytest
 
 # Side-by-side speed measurements, an hour in all; let nothing else run meanwhile.
-BENCHMARKS := training_mujoco training_racer startup scaling simulators pieces
+BENCHMARKS := training_mujoco training_racer startup scaling simulators pieces records
 bench: $(STAMP)
 	$(BIN)/python -m pip install --quiet -c constraints.txt -e '.[bench]'
 	for name in $(BENCHMARKS); do $(BIN)/python benchmarks/$$name.py || exit 1; done

@@ -17,7 +17,7 @@ import numpy as np
 import torch
 from turns import Measurements, Table, median, run, span
 
-from repaint_cli.kernels import loose_kernel
+from repaint_cli.kernels import fastmath_kernel
 from repaint_cli.learn.update.compiled.kernels import tanh
 
 OBS, ACTIONS, SAMPLES, NUMBERS = 27, 8, 2048, 4096
@@ -59,7 +59,7 @@ def step(compiled: bool, width: int = 64, own_blas_threads: bool = False) -> flo
     return 1e6 * taken / (ppo.n_epochs * SAMPLES / ppo.minibatch_size)
 
 
-@loose_kernel
+@fastmath_kernel
 def fill(x: np.ndarray, y: np.ndarray) -> None:
     """Put the hyperbolic tangents of x into y, (n,) each."""
     for i in range(len(x)):

@@ -19,7 +19,7 @@ from repaint_cli.errors import UsageError
 
 if TYPE_CHECKING:
     from repaint_cli.runs.carry_out import TrainedRun, Watcher
-    from repaint_cli.runs.compare import ComparedRuns, PlayedRun
+    from repaint_cli.runs.compare import ComparedRuns, EvaluatedRun
     from repaint_cli.runs.evaluate import Evaluation
     from repaint_cli.tasks.card import TaskCard
     from repaint_cli.tasks.similarity import Similarities
@@ -135,9 +135,9 @@ def resume(
     `for_teacher` is True for a run of `train` alone, False for one of `transfer`. See `train`.
     """
     from repaint_cli.runs.carry_out import carry_out
-    from repaint_cli.runs.start import plan_again
+    from repaint_cli.runs.start import plan_resume
 
-    plan = plan_again(Path(folder), iterations, name, replace, for_teacher=for_teacher)
+    plan = plan_resume(Path(folder), iterations, name, replace, for_teacher=for_teacher)
     return carry_out(plan, watcher, resume=True, tensorboard=tensorboard)
 
 
@@ -160,15 +160,16 @@ def evaluate(
     what `evaluation.film()` shows. Some simulators have noise ("none" or "paper"), log episodes
     into `log_folder`, or colour paths in several ways.
     """
-    from repaint_cli.runs.evaluate import adjusted, check_simulator, find_policies, play
+    from repaint_cli.runs.evaluate import check_simulator, evaluate_policy
+    from repaint_cli.runs.find_policies import find_policies, with_settings
 
     card = None if task is None else load_task(task)
-    policies = find_policies(None if policy is None else str(policy), card)
     options = _given({"eval.episodes": episodes, "eval.noise": noise})
-    policies = adjusted(policies, options, _listed(settings, "settings"))
+    others = _listed(settings, "settings")
+    policies = with_settings(find_policies(policy, card), options, others)
     logs = Path(log_folder) if log_folder else None
     check_simulator(policies.card, noise, logs, colour)
-    return play(policies, seed, for_film=for_film, log_folder=logs, colour=colour)
+    return evaluate_policy(policies, seed, for_film=for_film, log_folder=logs, colour=colour)
 
 
 def similarity(*names: AnyTask) -> "Similarities":
@@ -214,24 +215,24 @@ def compare(
     best mean where absent. The curves are drawn in `picture`, compare.png where absent; or, with
     tables and a page that explains them, in the folder `report`.
     """
-    from repaint_cli.runs import compare as comparing
+    from repaint_cli.runs.compare import compare_runs
 
     runs = [Path(folder) for folder in _listed(folders, "folders")]
     files = [Path(name) if name else None for name in (picture, report)]
-    return comparing.compare(runs, str(reference), target, *files)
+    return compare_runs(runs, str(reference), target, *files)
 
 
 def play_runs(
     folders: Sequence[Name], picture: Name = "compare-trajectories.png"
-) -> "list[PlayedRun]":
+) -> "list[EvaluatedRun]":
     """Let the last policies of runs play, and draw the first seeds' paths side by side.
 
     The runs share a track, or an environment with paths.
     """
-    from repaint_cli.runs import compare as comparing
+    from repaint_cli.runs.compare import compare_paths
 
     runs = [Path(folder) for folder in _listed(folders, "folders")]
-    return comparing.play_runs(runs, Path(picture))
+    return compare_paths(runs, Path(picture))
 
 
 def _card(task: AnyTask, settings: Sequence[str], iterations: int | None) -> "TaskCard":

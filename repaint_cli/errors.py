@@ -94,10 +94,10 @@ class DivergedError(RepaintError):
         self.row = row
 
     @classmethod
-    def of_loss(cls, name: str, found: float, row: int) -> "DivergedError":
+    def of_loss(cls, name: str, value: float, row: int) -> "DivergedError":
         """Say which part of the loss it was."""
         return cls(
-            f"expected a finite {name}, found {found}; "
+            f"expected a finite {name}, found {value}; "
             "a smaller ppo.learning_rate or rewards of a smaller scale may help",
             row=row,
         )
@@ -112,7 +112,7 @@ def locate_divergence(seeds: Sequence[int], moment: str) -> Iterator[None]:
         moment: when, such as "iteration 3".
 
     Raises:
-        DivergedError: the block raises one.
+        DivergedError: the block raises a DivergedError.
     """
     try:
         yield

@@ -1,4 +1,4 @@
-"""How inner loops are compiled: two decorators, two sets of promises.
+"""How inner loops are compiled: two decorators, with strict and with fast arithmetic.
 
 Kernels release the interpreter lock, so that threads can share the work. They are cached on disk,
 and the cache knows when a kernel's own file changes but no other: a kernel uses only what stands in
@@ -18,11 +18,11 @@ def kernel(function: _Function) -> _Function:
     return cast(_Function, numba.njit(nogil=True, cache=True)(function))
 
 
-def loose_kernel(function: _Function) -> _Function:
+def fastmath_kernel(function: _Function) -> _Function:
     """Compile with sums in any order, and x / 0 = inf as in numpy, so that loops become vectors.
 
-    What is not finite stays so: a caller may test for it.
+    Numbers that are not finite stay so: a caller may test for them.
     """
-    freedoms = {"contract", "reassoc", "nsz", "arcp"}
-    compiled = numba.njit(nogil=True, cache=True, error_model="numpy", fastmath=freedoms)
+    flags = {"contract", "reassoc", "nsz", "arcp"}
+    compiled = numba.njit(nogil=True, cache=True, error_model="numpy", fastmath=flags)
     return cast(_Function, compiled(function))

@@ -54,11 +54,11 @@ def bootstrap_mean(values: Floats, level: float = 0.95, seed: int = 0) -> tuple[
     low, high = np.full((2, n_columns), np.nan)
     known = ~np.isnan(values).any(axis=0)  # (K,)
     if known.any():
-        found = stats.bootstrap(
+        resampled = stats.bootstrap(
             (values[:, known],), np.mean, axis=0, n_resamples=RESAMPLES, batch=AT_ONCE,
             confidence_level=level, method="percentile", rng=np.random.default_rng(seed),
         )  # fmt: skip
-        low[known], high[known] = found.confidence_interval
+        low[known], high[known] = resampled.confidence_interval
     return low, high
 
 
@@ -73,11 +73,11 @@ def iqm_ci(values: ArrayLike, level: float = 0.95, seed: int = 0) -> tuple[float
     runs = _vector(values)
     if len(runs) < 2 or np.isnan(runs).any():
         return interquartile_mean(runs), np.nan, np.nan
-    found = stats.bootstrap(
+    resampled = stats.bootstrap(
         (runs,), lambda x, axis: stats.trim_mean(x, 0.25, axis), n_resamples=RESAMPLES,
         confidence_level=level, method="percentile", rng=np.random.default_rng(seed),
     )  # fmt: skip
-    low, high = found.confidence_interval
+    low, high = resampled.confidence_interval
     return interquartile_mean(runs), float(low), float(high)
 
 
@@ -98,10 +98,10 @@ def differ_by_chance(values: ArrayLike, others: ArrayLike, seed: int = 0) -> flo
     def gap(one: Floats, other: Floats, axis: int) -> Floats:
         return np.asarray(one.mean(axis) - other.mean(axis))
 
-    found = stats.permutation_test(
+    test = stats.permutation_test(
         both, gap, vectorized=True, n_resamples=RESAMPLES, rng=np.random.default_rng(seed)
     )
-    return float(found.pvalue)
+    return float(test.pvalue)
 
 
 def iteration_of_mean(returns: ArrayLike, target: float) -> float:
@@ -112,7 +112,7 @@ def iteration_of_mean(returns: ArrayLike, target: float) -> float:
 def reduction_ci(
     returns: ArrayLike, reference: ArrayLike, target: float, level: float = 0.95, seed: int = 0
 ) -> tuple[float, float, float]:
-    """Return 1 − K / K_ref and its percentile bootstrap interval, nan where either never arrives.
+    """Return 1 − K / K_ref and its percentile bootstrap interval, nan where one never gets there.
 
     K and K_ref are the iterations at which the means over seeds reach the target (paper, table 1).
     Seeds are drawn with replacement; a mean drawn so that never gets there counts as one iteration
@@ -125,26 +125,26 @@ def reduction_ci(
         level: what share of the resampled numbers the interval holds.
         seed: of the resampling.
     """
-    own, theirs = _matrix(returns), _matrix(reference)
+    own, others = _matrix(returns), _matrix(reference)
 
-    def reduced(rows: NDArray[np.int64], others: NDArray[np.int64]) -> float:
+    def reduced(rows: NDArray[np.int64], other_rows: NDArray[np.int64]) -> float:
         reached = [
             np.nan_to_num(iteration_of_mean(curves[drawn], target), nan=curves.shape[1] + 1)
-            for curves, drawn in ((own, rows), (theirs, others))
+            for curves, drawn in ((own, rows), (others, other_rows))
         ]
         return 1 - float(reached[0]) / float(reached[1])
 
-    if np.isnan([iteration_of_mean(own, target), iteration_of_mean(theirs, target)]).any():
+    if np.isnan([iteration_of_mean(own, target), iteration_of_mean(others, target)]).any():
         return np.nan, np.nan, np.nan
-    seeds = np.arange(len(own)), np.arange(len(theirs))
+    seeds = np.arange(len(own)), np.arange(len(others))
     mean = reduced(*seeds)
-    if min(len(own), len(theirs)) < 2:
+    if min(len(own), len(others)) < 2:
         return mean, np.nan, np.nan
-    found = stats.bootstrap(
+    resampled = stats.bootstrap(
         seeds, reduced, vectorized=False, n_resamples=RESAMPLES // 10, confidence_level=level,
         method="percentile", rng=np.random.default_rng(seed),
     )  # fmt: skip
-    low, high = found.confidence_interval
+    low, high = resampled.confidence_interval
     return mean, float(low), float(high)
 
 

@@ -9,7 +9,15 @@ import pytest
 import turns
 
 ROOT = Path(__file__).parents[1]
-NAMES = ("training_mujoco", "training_racer", "startup", "scaling", "simulators", "pieces")
+NAMES = (
+    "training_mujoco",
+    "training_racer",
+    "startup",
+    "scaling",
+    "simulators",
+    "pieces",
+    "records",
+)
 SPEED = (ROOT / "docs" / "speed.md").read_text(encoding="utf-8")
 
 SCRIPT = """

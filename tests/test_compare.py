@@ -13,7 +13,7 @@ from small_runs import QUICK, add_teacher
 
 from repaint_cli.cli import comparison_table
 from repaint_cli.errors import NotFound
-from repaint_cli.runs.comparison import COLUMNS, as_row, compare, reference_of
+from repaint_cli.runs.comparison import COLUMNS, as_row, comparison_of, reference_of
 
 SCRATCH = ["transfer", "--task", "reacher", "--method", "scratch", *QUICK]
 
@@ -35,14 +35,14 @@ LOST = run("instance", [0, 0, 0, 0, 3], [0, 0, 0, 0, 3])
 
 
 def standings(*runs, target=None):
-    found = compare({r.method: r for r in runs}, "scratch", target)
+    found = comparison_of({r.method: r for r in runs}, "scratch", target)
     return found, {standing.label: standing for standing in found.standings}
 
 
 def test_the_target_is_the_references_best_mean_unless_one_is_given():
     assert standings(SLOW, QUICKER)[0].target == 4
     assert standings(SLOW, QUICKER, target=2.5)[0].target == 2.5
-    assert compare({"repaint": QUICKER}, None, None).target is None
+    assert comparison_of({"repaint": QUICKER}, None, None).target is None
 
 
 def test_to_the_target_by_hand():

@@ -20,7 +20,7 @@ from repaint_cli.envs.racer.training_figures import plot_heatmap, plot_progress
 from repaint_cli.errors import StoreError
 from repaint_cli.report import style
 from repaint_cli.report.curves import plot_curves, spread
-from repaint_cli.report.paths import PathPanel
+from repaint_cli.report.path_panels import PathPanel
 
 NAN = np.nan
 ANGLES = np.linspace(0, 2 * np.pi, 60)

@@ -68,7 +68,7 @@ def test_a_trainings_pictures_are_drawn_from_its_logs(told, tmp_path):
     log.train(3, ways[1:])
     record = RunRecord(seeds=[5, 6], method="scratch", teachers=[], task={})
     rows = {"eval_return": np.zeros((2, 3)), "eval_progress": np.array([[7.0, 8, 9], [0, 0, 0]])}
-    drawn = figures._draw_training(FinishedRun(RunFolder(tmp_path), record, TASK, rows), "t")
+    drawn = figures.draw_training(FinishedRun(RunFolder(tmp_path), record, TASK, rows))
     assert [path.name for path in drawn] == ["heatmap.png", "progress.png"]
     drives, evaluated, *_ = told["plot_progress"]
     assert [(k, trace.progress[-1]) for k, trace in drives] == [(1, 30), (3, 50)]

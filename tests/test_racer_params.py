@@ -8,7 +8,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from racer_reference import line_project, locate
 
-from repaint_cli.envs.racer.deepracer.params import Moment, closest_waypoints, params_of
+from repaint_cli.envs.racer.deepracer.params import CarState, closest_waypoints, params_of
 from repaint_cli.envs.racer.dynamics.car import FRONT_OFFSET
 from repaint_cli.envs.racer.env import RacerVectorEnv
 from repaint_cli.envs.racer.track.track import Track
@@ -162,7 +162,7 @@ def test_a_reward_function_pays_what_real_logs_say(kind):
     paid, logged = [], []
     for row, at, heading, measures in zip(rows, front, yaw, locate(track, states), strict=True):
         if row["episode_status"] != "prepare":  # whose reward is logged as 0
-            now = Moment(road=track, front=at, yaw=heading, measures=measures, **nothing)
+            now = CarState(road=track, front=at, yaw=heading, measures=measures, **nothing)
             paid.append(follow_the_centre_line(params_of(now)))
             logged.append(float(row["reward"]))
     assert len(set(logged)) >= 3

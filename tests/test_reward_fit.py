@@ -14,7 +14,7 @@ from repaint_cli.envs.racer.track.files import load_track
 from repaint_cli.envs.racer.wander import wander
 from repaint_cli.learn.evaluation import spaces_of
 from repaint_cli.tasks.card_files import read_task
-from repaint_cli.tasks.reward_fit import fit, weighed
+from repaint_cli.tasks.reward_fit import fit, with_fitted_weights
 from repaint_cli.tasks.similarity import cosine, relation
 
 LANES = """
@@ -81,7 +81,7 @@ def test_a_constant_is_no_term(home):
     assert found.weights == {"lane": pytest.approx(0.5, abs=0.01), "keep": 0, "dprog": 0, "fail": 0}
     assert found.constant == pytest.approx(0.5, abs=0.01)
     assert ", 0.5 always (R² 0.99" in str(found)
-    plain, lanes = weighed(card, found), read_task("racer-inner")
+    plain, lanes = with_fitted_weights(card, found), read_task("racer-inner")
     assert cosine(plain, lanes) == pytest.approx(1)
     assert relation(lanes, plain) == "similar"
 

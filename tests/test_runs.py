@@ -138,7 +138,7 @@ def test_an_interruption_before_the_first_iteration_is_on_record(home, monkeypat
     def interrupt(*args):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(experiment, "begin", interrupt)
+    monkeypatch.setattr(experiment, "begin_course", interrupt)
     with pytest.raises(KeyboardInterrupt):
         next(run.run())
     assert record_of(home / "run")["state"] == "interrupted"

@@ -11,11 +11,8 @@ from small_runs import QUICK_LAP, log_of
 
 from repaint_cli.envs.episodes import Steps
 from repaint_cli.envs.racer.deepracer.model_files import read_hyperparameters, read_model_metadata
-from repaint_cli.envs.racer.deepracer.simtrace import (
-    COLUMNS,
-    read_simtrace,
-    read_training,
-)
+from repaint_cli.envs.racer.deepracer.simtrace import COLUMNS
+from repaint_cli.envs.racer.deepracer.simtrace_reader import read_simtrace, read_training
 from repaint_cli.envs.racer.deepracer.traces import Trace, traces_of
 from repaint_cli.envs.racer.names import STATUS
 from repaint_cli.envs.racer.track.files import load_track

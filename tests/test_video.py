@@ -14,7 +14,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from racer_reference import scan
 
 from repaint_cli.envs.gymnasium import film
-from repaint_cli.envs.gymnasium.film import Episode, find_renderer, frames, render_gym
+from repaint_cli.envs.gymnasium.film import Replay, find_renderer, frames, render_gym
 from repaint_cli.envs.racer import film as film_of_the_racer
 from repaint_cli.envs.racer.dynamics.car import FRONT_OFFSET
 from repaint_cli.envs.racer.film import (
@@ -182,7 +182,7 @@ def test_episodes_are_replayed_from_their_seeds_until_they_end():
 
 def test_actions_reach_the_child_bit_for_bit():
     actions = np.random.default_rng(0).normal(size=(50, 3))
-    sent = json.loads(json.dumps(film._as_json(Episode(3, actions))))
+    sent = json.loads(json.dumps(film._as_json(Replay(3, actions))))
     assert_array_equal(np.asarray(sent["actions"]), actions)
 
 
@@ -199,7 +199,7 @@ def no_renderer(monkeypatch):
 @pytest.mark.usefixtures("no_renderer")
 def test_without_a_renderer_the_packages_to_install_are_named(tmp_path):
     with pytest.raises(RenderError, match="apt install libegl1 libgl1-mesa-dri"):
-        render_gym("Reacher-v5", {}, [Episode(0, np.zeros((2, 2)))], tmp_path / "film.mp4")
+        render_gym("Reacher-v5", {}, [Replay(0, np.zeros((2, 2)))], tmp_path / "film.mp4")
     assert list(tmp_path.iterdir()) == []
 
 
@@ -232,7 +232,7 @@ def renderer():
 def test_reacher_is_filmed_as_it_was_played(tmp_path):
     still, moving = np.zeros((3, 2)), np.full((60, 2), 0.5)
     path = tmp_path / "films" / "video.mp4"
-    render_gym("Reacher-v5", {}, [Episode(1, still), Episode(2, moving)], path, title="reacher")
+    render_gym("Reacher-v5", {}, [Replay(1, still), Replay(2, moving)], path, title="reacher")
     about, pictures = decode(path)
     assert "50 fps" in about
     # Reacher ends after 50 steps
@@ -245,7 +245,7 @@ def test_reacher_is_filmed_as_it_was_played(tmp_path):
 @pytest.mark.usefixtures("renderer")
 def test_an_environment_that_cannot_be_drawn_is_one_line(tmp_path):
     with pytest.raises(RenderError, match=r"cannot film 'Nope-v5' with \w+: .*Nope") as caught:
-        render_gym("Nope-v5", {}, [Episode(0, np.zeros((2, 2)))], tmp_path / "film.mp4")
+        render_gym("Nope-v5", {}, [Replay(0, np.zeros((2, 2)))], tmp_path / "film.mp4")
     assert "\n" not in str(caught.value)
     assert list(tmp_path.iterdir()) == []
 

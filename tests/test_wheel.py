@@ -10,11 +10,14 @@ import pytest
 ROOT = Path(__file__).parents[1]
 
 LOOK = """
-from repaint_cli import cards, paths, simulators, zoo
+from repaint_cli import paths
+from repaint_cli.envs.racer.track.files import load_track
+from repaint_cli.tasks.card_files import shipped_tasks
+from repaint_cli.zoo.store import teachers
 assert "site" in str(paths.PACKAGE), paths.PACKAGE
-print(*cards.shipped_tasks())
-print(*zoo.teachers())
-print(simulators.load_track("oval").name)
+print(*shipped_tasks())
+print(*teachers())
+print(load_track("oval").name)
 """
 
 

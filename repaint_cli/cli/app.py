@@ -59,7 +59,7 @@ def main() -> None:
     """Run a command; turn what the program can explain into one line on stderr and an exit code."""
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "1")  # looking for some takes a while
     signal.signal(signal.SIGTERM, _terminate)
-    _speak_plainly()
+    _replace_unencodable()
     words = [word for word in sys.argv[1:] if word != DEBUG]
     try:
         code = app(words or ["--help"], standalone_mode=False)
@@ -68,12 +68,12 @@ def main() -> None:
     except RepaintError as error:
         if DEBUG in sys.argv:
             raise
-        _complain(str(error))
+        _print_error(str(error))
         sys.exit(error.exit_code)
     except TyperException as error:
         if error.format_message():  # a group without a command shows its help instead
             command = getattr(getattr(error, "ctx", None), "command_path", "repaint")
-            _complain(f"{error.format_message()} See: {command} --help")
+            _print_error(f"{error.format_message()} See: {command} --help")
         sys.exit(2)
     except (KeyboardInterrupt, Abort):
         sys.exit(130)
@@ -82,8 +82,8 @@ def main() -> None:
         sys.exit(128 + signal.SIGPIPE)
 
 
-def _speak_plainly() -> None:
-    """Let a terminal without UTF-8 show what it can, and the rest spelled out."""
+def _replace_unencodable() -> None:
+    """Spell out what a terminal without UTF-8 cannot show."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
@@ -94,7 +94,7 @@ def _terminate(number: int, frame: FrameType | None) -> None:
     raise Terminated
 
 
-def _complain(message: str) -> None:
+def _print_error(message: str) -> None:
     from rich.console import Console
 
     from repaint_cli.cli.console import literal

@@ -20,7 +20,7 @@ def compare(options: CompareOptions) -> None:
     """
     import repaint_cli
     from repaint_cli.cli.comparison_table import print_comparison
-    from repaint_cli.cli.screen import say_written
+    from repaint_cli.cli.screen import print_written
 
     target = parse_target(options.target)
     check_together(options)
@@ -39,7 +39,7 @@ def compare(options: CompareOptions) -> None:
     if options.json:
         return print(json.dumps(compared.comparison.as_json(), indent=2))
     print_comparison(compared.comparison)
-    return say_written(compared.written, "repaint transfer --help")
+    return print_written(compared.written, "repaint transfer --help")
 
 
 def _train(options: CompareOptions, folders: list[Path]) -> list[Path]:
@@ -67,11 +67,11 @@ def _play(folders: list[Path], picture: Path, as_json: bool) -> None:
     """Let the last policies of runs play, and draw their paths side by side."""
     import repaint_cli
     from repaint_cli.cli.episode_table import table
-    from repaint_cli.cli.screen import out, say_written
+    from repaint_cli.cli.screen import out, print_written
 
-    played = repaint_cli.play_runs(folders, picture)
+    evaluated = repaint_cli.play_runs(folders, picture)
     if as_json:
-        return print(json.dumps([one.as_json() for one in played], indent=2))
-    for one in played:
+        return print(json.dumps([one.as_json() for one in evaluated], indent=2))
+    for one in evaluated:
         out.print(table(one.label, one.run.seeds, one.run.task.env, one.episodes))
-    return say_written([picture], "repaint compare --help")
+    return print_written([picture], "repaint compare --help")

@@ -8,31 +8,31 @@ from repaint_cli.cli.screen import out
 from repaint_cli.runs.comparison import Comparison, Estimate, Standing
 
 
-def print_comparison(found: Comparison) -> None:
+def print_comparison(comparison: Comparison) -> None:
     """Print who reached the target when, what everybody earned, and what the columns mean."""
-    if found.target is None:
+    if comparison.target is None:
         out.print("target: unknown without a run from scratch; name one with --target")
     else:
-        out.print(f"[bold]{literal(found.task)}[/bold], target {literal(found.goal)}")
-        out.print(_to_target(found))
-    out.print(_scores(found))
-    for sentence in verdicts(found):
+        out.print(f"[bold]{literal(comparison.task)}[/bold], target {literal(comparison.goal)}")
+        out.print(_to_target(comparison))
+    out.print(_scores(comparison))
+    for sentence in verdicts(comparison):
         out.print(literal(sentence))
     out.print(
         "K: iteration at which the mean over seeds is at the target; steps: a seed's until then, "
         "teachers' counted; first, final: the first evaluation, the last's interquartile mean; "
-        f"area: mean return over {found.iterations} iterations; p: chance of such a difference in "
-        "area if methods were alike; [95 % intervals over seeds]"
+        f"area: mean return over {comparison.iterations} iterations; p: chance of such a "
+        "difference in area if methods were alike; [95 % intervals over seeds]"
     )
 
 
-def _to_target(found: Comparison) -> Table:
+def _to_target(comparison: Comparison) -> Table:
     table = Table("run", "K", "K reduced", "time reduced", "steps", "time", "each seed", box=None)
-    for row in found.standings:
+    for row in comparison.standings:
         if np.isnan(row.reached):
             cells = ["not achieved", "", "", "", ""]
         else:
-            reference = row.label == found.reference
+            reference = row.label == comparison.reference
             cells = [
                 f"{row.reached:.0f}",
                 "-" if reference else _percent(row.reduced),
@@ -45,9 +45,9 @@ def _to_target(found: Comparison) -> Table:
     return table
 
 
-def _scores(found: Comparison) -> Table:
+def _scores(comparison: Comparison) -> Table:
     table = Table("run", "seeds", "first", "area", "best", "final", "p", box=None)
-    for row in found.standings:
+    for row in comparison.standings:
         p = "-" if np.isnan(row.chance) else f"{row.chance:.2g}"
         table.add_row(
             literal(row.label), str(row.seeds), short(row.first[0]), interval(row.area),
@@ -56,10 +56,10 @@ def _scores(found: Comparison) -> Table:
     return table
 
 
-def verdicts(found: Comparison) -> list[str]:
+def verdicts(comparison: Comparison) -> list[str]:
     """Say in a sentence per run whether its area is ahead of the reference's, or not."""
-    basis = next((row for row in found.standings if row.label == found.reference), None)
-    return [_verdict(row, basis) for row in found.standings if basis and row is not basis]
+    basis = next((row for row in comparison.standings if row.label == comparison.reference), None)
+    return [_verdict(row, basis) for row in comparison.standings if basis and row is not basis]
 
 
 def _verdict(row: Standing, basis: Standing) -> str:

@@ -9,9 +9,9 @@ from repaint_cli.errors import RepaintError
 
 
 def plain(text: object) -> str:
-    """Return a text without what a terminal would obey: all but printable characters, spelled out.
+    """Return a text with all but printable characters spelled out: a terminal would obey them.
 
-    Escape sequences move the cursor, rename the window and hide what was said before; characters
+    Escape sequences move the cursor, rename the window and hide earlier text; characters
     that turn the direction of writing make a name look like another.
     """
     text = str(text)
@@ -21,7 +21,7 @@ def plain(text: object) -> str:
 
 
 def literal(text: object) -> str:
-    """Return a text for rich, which is to obey none of it either: brackets are brackets."""
+    """Return a text for rich, which reads no markup in it."""
     return escape(plain(text))
 
 
@@ -33,11 +33,11 @@ def columns(title: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
     return "\n".join(lines)
 
 
-def agreed(question: str) -> bool:
+def confirm(question: str) -> bool:
     """Ask a person, and return whether they agree.
 
     Raises:
-        RepaintError: nobody answers.
+        RepaintError: there is nobody to answer.
     """
     try:
         return typer.confirm(question)

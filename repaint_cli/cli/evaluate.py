@@ -82,7 +82,7 @@ def evaluate(options: EvaluateOptions) -> None:
     """
     import repaint_cli
     from repaint_cli.cli.episode_table import table
-    from repaint_cli.cli.screen import out, say_written
+    from repaint_cli.cli.screen import out, print_written
     from repaint_cli.errors import RenderError
 
     if options.video_episodes is not None and options.video_episodes < 1:
@@ -100,17 +100,17 @@ def evaluate(options: EvaluateOptions) -> None:
     )
     policies, written = evaluation.policies, list(evaluation.written)
     out.print(table(policies.name, policies.seeds, policies.card.env, evaluation.episodes))
-    command = _following(options, evaluation)
+    command = _next_command(options, evaluation)
     if options.render_offscreen:
         try:
             written.append(evaluation.film(options.video_episodes))
         except RenderError:
-            say_written(written, command)
+            print_written(written, command)
             raise
-    say_written(written, command)
+    print_written(written, command)
 
 
-def _following(options: EvaluateOptions, evaluation: "Evaluation") -> str:
+def _next_command(options: EvaluateOptions, evaluation: "Evaluation") -> str:
     """Return the next command worth typing."""
     policies = evaluation.policies
     if policies.teacher is None:

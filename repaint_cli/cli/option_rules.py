@@ -35,7 +35,7 @@ class Condition(NamedTuple):
         """Check that it holds.
 
         Raises:
-            UsageError: it does not hold.
+            UsageError: the condition does not hold.
         """
         if not self.holds(other):
             raise UsageError(self.otherwise.format(option=flag(name), other=other))
@@ -138,7 +138,7 @@ def check_together(options: NamedTuple) -> None:
     """Check that no option is given that needs another one, or excludes it.
 
     Raises:
-        UsageError: one is given.
+        UsageError: such an option is given.
     """
     for name, rule, _ in given(options):
         if rule.beside:
@@ -160,7 +160,7 @@ def check_resume(options: NamedTuple, context: "typer.Context") -> None:
     """Check that beside --resume only options stand that do not change what the run is.
 
     Raises:
-        UsageError: another option is typed, be it with its default.
+        UsageError: an option that changes the run is typed, even with its default.
     """
     for name, rule in rules_of(options):
         source = context.get_parameter_source(name)

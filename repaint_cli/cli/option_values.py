@@ -51,7 +51,7 @@ def parse_target(text: str) -> float | None:
     """Read --target: a number, or None for auto.
 
     Raises:
-        UsageError: the text is neither a number nor auto.
+        UsageError: the text is not a number and not auto.
     """
     if text == "auto":
         return None
@@ -65,7 +65,7 @@ def parse_methods(text: str, jobs: int) -> list[str]:
     """Read --methods, names between commas, and check --jobs.
 
     Raises:
-        UsageError: there is no name, one stands there twice, or there is no job.
+        UsageError: there is no name, a name stands there twice, or the jobs are fewer than 1.
     """
     names = [name for name in text.split(",") if name]
     if not names or len(set(names)) < len(names) or jobs < 1:
@@ -80,7 +80,7 @@ def ratio_settings(text: str) -> list[str]:
     """Return the settings behind --ratio.
 
     Raises:
-        UsageError: the text is neither R:I nor auto.
+        UsageError: the text is not R:I and not auto.
     """
     if text == "auto":
         return ["transfer.phases=auto"]
@@ -96,7 +96,7 @@ def beta_settings(text: str) -> list[str]:
     """Return the settings behind --beta.
 
     Raises:
-        UsageError: the text is neither numbers nor auto.
+        UsageError: the text is not numbers and not auto.
     """
     if text == "auto":
         return ["transfer.kickstart_schedule=auto"]

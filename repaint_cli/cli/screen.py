@@ -80,7 +80,7 @@ class Screen(Watcher):
     def finish(self, trained: TrainedRun) -> None:
         """Say what was written."""
         self._unfinished = None
-        say_written(trained.written, following(trained))
+        print_written(trained.written, next_command(trained))
 
     def run(self, train: Callable[..., TrainedRun], *args: object, **options: object) -> None:
         """Train, and say how to go on if that ends early."""
@@ -88,15 +88,15 @@ class Screen(Watcher):
             train(*args, watcher=self, **options)
         except (KeyboardInterrupt, Terminated, StoreError):
             if self._unfinished:
-                kept = "next:" if self._training else "not all is drawn and kept; next:"
-                out.print(f"{kept} [bold]{literal(self._unfinished.resuming)}[/bold]")
+                hint = "next:" if self._training else "not all is drawn and kept; next:"
+                out.print(f"{hint} [bold]{literal(self._unfinished.resume_command)}[/bold]")
             raise
 
 
-def following(trained: TrainedRun) -> str:
+def next_command(trained: TrainedRun) -> str:
     """Return the next command worth typing after a run."""
     if trained.interrupted:
-        return trained.plan.resuming
+        return trained.plan.resume_command
     policy = shlex.quote(str(trained.run.folder))
     if trained.teacher and not trained.plan.task.reward_code:  # never run from a teacher's file
         policy = str(trained.plan.teacher_name)
@@ -115,7 +115,7 @@ def numbers_of(report: Report) -> str:
     return " · ".join(parts)
 
 
-def say_written(files: Sequence[Path], command: str) -> None:
+def print_written(files: Sequence[Path], command: str) -> None:
     """Print every file written, folder by folder, and the next command worth typing."""
     folders: dict[Path, list[str]] = {}
     for path in files:

@@ -104,7 +104,7 @@ def check(
         if checked := simulator.check_file(name):
             print(f"{checked.name} is sound: {checked.facts}")
             checked.draw()
-            print(f"wrote {checked.picture}\nnext: {checked.following}")
+            print(f"wrote {checked.picture}\nnext: {checked.next_command}")
             return
     card = read_task(name)
     spaces, paid = try_out(card)
@@ -150,7 +150,7 @@ def trust(
         repaint tasks trust downloaded-run
         repaint tasks trust downloaded-run --yes
     """
-    from repaint_cli.cli.console import agreed, plain
+    from repaint_cli.cli.console import confirm, plain
     from repaint_cli.runs.reader import read_run
     from repaint_cli.tasks import trust
 
@@ -161,7 +161,7 @@ def trust(
         return
     if task.reward_code:
         print(plain(task.reward_code.source))
-    if yes or agreed(f"Let {plain(code)} run here?"):
+    if yes or confirm(f"Let {plain(code)} run here?"):
         trust.allow(task)
         print(f"allowed: {plain(code)}")
     else:

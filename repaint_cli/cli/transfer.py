@@ -1,5 +1,7 @@
 """`repaint transfer`."""
 
+from pathlib import Path
+
 from repaint_cli.cli.option_rules import (
     check_card,
     check_method,
@@ -28,14 +30,7 @@ def transfer(options: TransferOptions) -> None:
     from repaint_cli.tasks.methods import method_for
 
     if options.resume:
-        check_resume(options, options.context)
-        return Screen().run(
-            repaint_cli.resume,
-            options.resume,
-            iterations=options.iterations,
-            tensorboard=options.tensorboard,
-            for_teacher=False,
-        )
+        return _resume(options, options.resume)
     algorithm = options.algorithm
     method = method_for(algorithm, options.method)
     check_method(options, method, algorithm)
@@ -55,4 +50,19 @@ def transfer(options: TransferOptions) -> None:
         folder=options.run,
         keep=options.keep,
         tensorboard=options.tensorboard,
+    )
+
+
+def _resume(options: TransferOptions, folder: Path) -> None:
+    """Go on with the run in a folder."""
+    import repaint_cli
+    from repaint_cli.cli.screen import Screen
+
+    check_resume(options, options.context)
+    Screen().run(
+        repaint_cli.resume,
+        folder,
+        iterations=options.iterations,
+        tensorboard=options.tensorboard,
+        for_teacher=False,
     )

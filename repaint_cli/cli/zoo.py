@@ -140,12 +140,12 @@ def export(
         repaint zoo export racer-inner my-folder
         repaint zoo export racer-inner my-folder --onnx
     """
-    from repaint_cli.cli.screen import say_written
+    from repaint_cli.cli.screen import print_written
     from repaint_cli.zoo.export import export
     from repaint_cli.zoo.store import find
 
     written = export(find(name), folder, onnx=onnx)
-    say_written(written, f"repaint zoo verify {shlex.quote(str(written[0]))}")
+    print_written(written, f"repaint zoo verify {shlex.quote(str(written[0]))}")
 
 
 @zoo.command(cls=HelpPage)
@@ -159,10 +159,10 @@ def remove(
         repaint zoo remove my-teacher
         repaint zoo remove my-teacher --yes
     """
-    from repaint_cli.cli.console import agreed, plain
+    from repaint_cli.cli.console import confirm, plain
     from repaint_cli.zoo.store import remove
 
-    if yes or agreed(f"Remove the teacher '{plain(name)}' from your zoo for good?"):
+    if yes or confirm(f"Remove the teacher '{plain(name)}' from your zoo for good?"):
         print(f"removed {remove(name)}")
     else:
         print("nothing removed")

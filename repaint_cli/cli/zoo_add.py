@@ -2,8 +2,9 @@
 
 import shlex
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
+from repaint_cli.cli.option_rules import parsed_into
 from repaint_cli.cli.options import Replace, argument, option
 from repaint_cli.errors import NotFound, UsageError
 
@@ -15,9 +16,11 @@ IMPORT = "A policy of another library"
 SOURCES = ("sb3", "cleanrl")
 
 
-def add(
-    name: Annotated[str, argument("NAME", "What to call the teacher.")],
-    file: Annotated[Path, argument("FILE", "A teacher's file, or a policy of another library.")],
+class AddOptions(NamedTuple):
+    """The options of `repaint zoo add`, in the order of its help."""
+
+    name: Annotated[str, argument("NAME", "What to call the teacher.")]
+    file: Annotated[Path, argument("FILE", "A teacher's file, or a policy of another library.")]
     source: Annotated[
         str | None,
         option(
@@ -26,10 +29,10 @@ def add(
             "The library: a zip of Stable-Baselines3, or a state dict of a cleanrl agent.",
             "--from",
         ),
-    ] = None,
+    ] = None
     task: Annotated[
         str | None, option(IMPORT, "TASK", "The task it was trained on, where it is scored.")
-    ] = None,
+    ] = None
     vecnormalize: Annotated[
         str | None,
         option(
@@ -37,9 +40,12 @@ def add(
             "FILE|none",
             "How observations were normalised: VecNormalize's file, or an .npz with mean and var.",
         ),
-    ] = None,
-    replace: Replace = False,
-) -> None:
+    ] = None
+    replace: Replace = False
+
+
+@parsed_into(AddOptions)
+def add(options: AddOptions) -> None:
     """Put a policy's file into your zoo as a teacher.
 
     Nothing in the file is run: PPO and A2C of Stable-Baselines3 with MlpPolicy or CnnPolicy, and
@@ -49,44 +55,37 @@ def add(
         repaint zoo add my-teacher teacher.safetensors
         repaint zoo add my-teacher model.zip --from sb3 --task reacher
     """
-    from repaint_cli.cli.screen import out, say_written
+    from repaint_cli.cli.screen import out, print_written
     from repaint_cli.paths import user_zoo
     from repaint_cli.runs.start import new_teacher_name
     from repaint_cli.zoo import store
 
-    name = new_teacher_name(name, replace)
-    if source is None:
-        network, card = _own(file, task, vecnormalize)
-    else:
-        network, card = _foreign(name, file, source, task, vecnormalize)
-    if source and card.score:
+    name = new_teacher_name(options.name, options.replace)
+    network, card = _read_own(options) if options.source is None else _import_policy(options)
+    if options.source and card.score:
         score = f"{card.score.mean:.4g} [{card.score.low:.4g}, {card.score.high:.4g}]"
         out.print(f"score on {card.task.name}: {score} over {card.score.episodes} episodes")
     card = card.model_copy(update={"name": name})
-    path = store.add(network, 0, card, user_zoo(), replace=replace)
-    target = shlex.quote(task or card.task.name)
-    say_written([path], f"repaint transfer --teacher {name} --task {target}")
+    path = store.add(network, 0, card, user_zoo(), replace=options.replace)
+    target = shlex.quote(options.task or card.task.name)
+    print_written([path], f"repaint transfer --teacher {name} --task {target}")
 
 
-def _own(
-    file: Path, task: str | None, vecnormalize: str | None
-) -> "tuple[ActorCritic, TeacherCard]":
-    """Read a teacher's file, which says all of itself.
+def _read_own(options: AddOptions) -> "tuple[ActorCritic, TeacherCard]":
+    """Read a teacher's file, whose card says all that is needed.
 
     Raises:
-        UsageError: an option is given that is for other libraries' files.
+        UsageError: an option for other libraries' files is given.
     """
     from repaint_cli.zoo.store import load_teacher
 
-    if task or vecnormalize:
-        option = "--task" if task else "--vecnormalize"
-        raise UsageError(f"expected --from {' or '.join(SOURCES)} beside {option}, found none")
-    return load_teacher(file)
+    if options.task or options.vecnormalize:
+        given = "--task" if options.task else "--vecnormalize"
+        raise UsageError(f"expected --from {' or '.join(SOURCES)} beside {given}, found none")
+    return load_teacher(options.file)
 
 
-def _foreign(
-    name: str, file: Path, source: str, task: str | None, vecnormalize: str | None
-) -> "tuple[ActorCritic, TeacherCard]":
+def _import_policy(options: AddOptions) -> "tuple[ActorCritic, TeacherCard]":
     """Read another library's file, and score it on its task.
 
     Raises:
@@ -99,13 +98,15 @@ def _foreign(
     from repaint_cli.zoo.importers.imported import as_teacher
     from repaint_cli.zoo.importers.statistics import statistics_of
 
+    source, file = options.source or "", options.file
     if source not in SOURCES:
         raise NotFound.named("source", source, SOURCES, "repaint zoo add --help")
-    if task is None:
+    if options.task is None:
         raise UsageError(f"expected the --task that {file} was trained on, found none")
-    card = read_task(task)
+    card = read_task(options.task)
     if source == "sb3":
         policy, normalised = sb3.read(file)
     else:
         policy, normalised = cleanrl.read(file, spaces_of(card))
-    return as_teacher(policy, statistics_of(file, vecnormalize, normalised), name, card)
+    statistics = statistics_of(file, options.vecnormalize, normalised)
+    return as_teacher(policy, statistics, options.name, card)

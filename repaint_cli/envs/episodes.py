@@ -39,8 +39,8 @@ class Steps:
                     yield episode, s, n
 
 
-class Paths(NamedTuple):
-    """Where something went, and where it should have gone."""
+class EpisodePaths(NamedTuple):
+    """Where the car or the fingertip of each episode went, and where it should have gone."""
 
     positions: np.ndarray
     """(S, E, T, 2) in m, nan after an episode's end."""
@@ -67,9 +67,9 @@ class Episodes:
     env_seeds: list[int]
     """The environments' seeds, (S · E,), seed by seed."""
     paths: np.ndarray | None
-    """Where something went, (S, E, T, 2) in m, nan after the end."""
+    """Positions along each episode, (S, E, T, 2) in m, nan after the end."""
     targets: np.ndarray | None
-    """Where it should have gone, (S, E, 2) in m."""
+    """Where each episode should have led, (S, E, 2) in m."""
     observations: list[list[Any]] | None = None
     """The observation after each step, [S][E] of (T, *O), where it was asked for."""
 

@@ -15,8 +15,8 @@ REGISTRY = {
 def simulator_class(name: str) -> type[Simulator]:
     """Return the class of a simulator by its name in the registry."""
     module, _, kind = REGISTRY[name].partition(":")
-    found: type[Simulator] = getattr(import_module(module), kind)
-    return found
+    simulator: type[Simulator] = getattr(import_module(module), kind)
+    return simulator
 
 
 def simulator_classes() -> Iterator[type[Simulator]]:

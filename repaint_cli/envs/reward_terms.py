@@ -11,8 +11,8 @@ from repaint_cli.errors import CardError, RepaintError
 
 
 @contextmanager
-def _blamed(when: str) -> Iterator[None]:
-    """Say that it was the environment, other people's code, that failed."""
+def _environment_errors(when: str) -> Iterator[None]:
+    """Raise any error of an environment, which is other people's code, as a CardError."""
     try:
         yield
     except RepaintError:
@@ -42,7 +42,7 @@ class RewardTerms(VectorWrapper):
     def reset(self, **kwargs: Any) -> tuple[Any, dict[str, Any]]:
         """Start every environment afresh."""
         self._ended[:] = False
-        with _blamed("when it was reset"):
+        with _environment_errors("when it was reset"):
             return self.env.reset(**kwargs)
 
     def step(self, actions: Any) -> tuple[Any, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
@@ -51,7 +51,7 @@ class RewardTerms(VectorWrapper):
         Raises:
             CardError: the environment fails, or does not report one of the terms.
         """
-        with _blamed("in a step"):
+        with _environment_errors("in a step"):
             obs, own, terminated, truncated, info = self.env.step(actions)
         info.setdefault("reward", np.asarray(own, np.float64))
         terms = np.zeros((self.num_envs, len(self.names)))  # (N, F)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from repaint_cli.envs.episodes import Column, Episodes, Paths
+from repaint_cli.envs.episodes import Column, EpisodePaths, Episodes
 from repaint_cli.envs.logs import LogFormat
 from repaint_cli.settings import EvalConfig, Settings
 
@@ -32,7 +32,7 @@ class CheckedFile(NamedTuple):
     """Where `draw` draws it."""
     draw: Callable[[], None]
     """Draws it."""
-    following: str
+    next_command: str
     """The next command worth typing."""
 
 
@@ -192,7 +192,7 @@ class Simulator(Settings, ABC):
         valid: np.ndarray,
         records: Mapping[str, np.ndarray],
         observations: Callable[[], np.ndarray],
-    ) -> Paths | None:
+    ) -> EpisodePaths | None:
         """Return where evaluated episodes led, if they lead anywhere.
 
         Args:

@@ -44,10 +44,10 @@ def peek_header(path: Path) -> dict[str, Any]:
         CheckpointError: there is no regular file, or no such header in its first 64 KiB.
     """
     try:
-        start = _start_of(path)
-        text = start[8 : 8 + int.from_bytes(start[:8], "little")].decode()
-        ours = text.index(f'"{KEY}":') + len(f'"{KEY}":')  # before the tensors, which may wait
-        header = json.loads(_JSON.raw_decode(text, ours)[0])
+        data = _start_of(path)
+        text = data[8 : 8 + int.from_bytes(data[:8], "little")].decode()
+        start = text.index(f'"{KEY}":') + len(f'"{KEY}":')  # before the tensors, which may wait
+        header = json.loads(_JSON.raw_decode(text, start)[0])
     except (OSError, ValueError, LookupError, TypeError, RecursionError) as error:
         raise CheckpointError(f"{path} has no header of ours: {error!r}") from error
     if not isinstance(header, dict):
@@ -56,7 +56,7 @@ def peek_header(path: Path) -> dict[str, Any]:
 
 
 def _start_of(path: Path) -> bytes:
-    """Return a regular file's first bytes; a pipe or a device would keep us waiting."""
+    """Return a regular file's first bytes; a pipe or a device might never have any."""
     handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK)
     try:
         if not stat.S_ISREG(os.fstat(handle).st_mode):
@@ -88,8 +88,8 @@ def open_weights(path: Path, framework: str) -> Iterator[Any]:
     with reported_as(CheckpointError):
         check_file(path)
     try:
-        with path.open("rb") as start:  # whose parser takes several times its length in memory
-            length = int.from_bytes(start.read(8), "little")
+        with path.open("rb") as file:  # whose parser takes several times its length in memory
+            length = int.from_bytes(file.read(8), "little")
         if length > MAX_BYTES:
             raise CheckpointError(
                 f"{path} is not a whole safetensors file (a header of more than {MAX_BYTES:,} "
@@ -107,7 +107,7 @@ def header_of(path: Path, file: Any) -> tuple[dict[str, Any], str | None]:
     """Return our JSON from an open file's header, and the hash in it; None before 0.1.0.
 
     Raises:
-        CheckpointError: the header has no JSON of ours, or one that cannot be read.
+        CheckpointError: the header has no JSON of ours, or its JSON cannot be read.
     """
     text = (file.metadata() or {}).get(KEY)
     foreign = f"{path} was not written by repaint: its header has no '{KEY}' JSON"

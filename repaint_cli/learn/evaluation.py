@@ -72,8 +72,8 @@ def evaluate(
     rollout = collect(env, obs, act, rngs, greedy=True, record=task.env.records)
     rollout = replace(rollout, actions=clip(rollout.actions, env))
     env.close()
-    played = _episodes(task, rollout, env_seeds(seeds, purpose, iteration, n_episodes))
-    return replace(played, observations=_observations(rollout)) if keep_observations else played
+    episodes = _episodes(task, rollout, env_seeds(seeds, purpose, iteration, n_episodes))
+    return replace(episodes, observations=_observations(rollout)) if keep_observations else episodes
 
 
 def _episodes(task: Task, rollout: Rollout, seeds: list[int]) -> Episodes:

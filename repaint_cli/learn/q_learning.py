@@ -45,7 +45,7 @@ def train(card: TaskCard, learner: Learner, course: Course) -> Iterator[Iteratio
     """
     card.check_rollout()
     check(card, learner.student.spaces)
-    target = _twin(learner.student)
+    target = _target_network(learner.student)
     for k in range(learner.iteration + 1, card.ppo.n_iterations + 1):
         meter = Meter(learner)
         learner.optimizer.learning_rate = schedules.learning_rate(k, card.ppo)
@@ -128,21 +128,21 @@ def extended(memory: Experience | None, batches: Sequence[Experience], size: int
     starts = (whole.counts - size).clamp(min=0)
     counts = whole.counts - starts
     positions = torch.arange(int(counts.max())) + starts.unsqueeze(1)
-    kept = whole.pick(positions.clamp(max=whole.rows.shape[1] - 1), counts)
-    first = kept.rows[:, :1]  # rows grow: observations before it are not needed any more
+    newest = whole.pick(positions.clamp(max=whole.rows.shape[1] - 1), counts)
+    first = newest.rows[:, :1]  # rows grow: observations before it are not needed any more
     stores = [
         each(lambda array, row: array[row:].clone(), store, row)
-        for store, row in zip(kept.observations.stores, first[:, 0].tolist(), strict=True)
+        for store, row in zip(newest.observations.stores, first[:, 0].tolist(), strict=True)
     ]
-    rows, next_rows = ((column - first).clamp(min=0) for column in (kept.rows, kept.next_rows))
-    return replace(kept, observations=Observations(stores), rows=rows, next_rows=next_rows)
+    rows, next_rows = ((column - first).clamp(min=0) for column in (newest.rows, newest.next_rows))
+    return replace(newest, observations=Observations(stores), rows=rows, next_rows=next_rows)
 
 
-def _twin(student: ActorCritic) -> ActorCritic:
-    """Return a network of the same shape that sees through the same normaliser."""
-    twin = ActorCritic(student.spaces, student.net, student.n_seeds)
-    twin.normalizer = student.normalizer
-    return twin
+def _target_network(student: ActorCritic) -> ActorCritic:
+    """Return a network of the same shape with the same normaliser."""
+    target = ActorCritic(student.spaces, student.net, student.n_seeds)
+    target.normalizer = student.normalizer
+    return target
 
 
 def _learn(
@@ -156,7 +156,7 @@ def _learn(
     """Take an iteration's gradient steps; see `q_loss`."""
     student, config, means = learner.student, card.q_learning, Means()
     rngs = learner.shuffles(k)
-    still, size = [False] * student.n_seeds, card.ppo.minibatch_size
+    frozen, size = [False] * student.n_seeds, card.ppo.minibatch_size
     threshold = config.threshold if selecting else None
     target.storage.copy_(student.storage)
     for _ in range(config.gradient_steps):
@@ -164,13 +164,13 @@ def _learn(
         positions = torch.from_numpy(np.stack(drawn))
         batch = memory.pick(positions, torch.full((len(rngs),), size))
         loss, counts, metrics = q_loss(student, target, batch, card.ppo.gamma, threshold)
-        lost = ~torch.isfinite(loss)
-        if lost.any():
-            s = int(lost.nonzero()[0])
+        diverged = ~torch.isfinite(loss)
+        if diverged.any():
+            s = int(diverged.nonzero()[0])
             raise DivergedError.of_loss("value_loss", loss[s].item(), s)
         student.gradients.zero_()
         torch.autograd.backward(loss.sum())
-        learner.optimizer.step((counts > 0).tolist(), still)
+        learner.optimizer.step((counts > 0).tolist(), frozen)
         means.add(counts, metrics)
     return means.numpy()
 
@@ -202,13 +202,13 @@ def q_loss(
         targets = batch.rewards + gamma * following.where(~batch.terminations, 0.0)
     q_values = student.q_values(observations.take(batch.rows), counts)
     values = q_values.gather(-1, batch.actions.unsqueeze(-1)).squeeze(-1)
-    kept = torch.ones_like(batch.from_teacher)
+    selected = torch.ones_like(batch.from_teacher)
     if threshold is not None:
-        kept = ~batch.from_teacher | (targets - values.detach() > threshold)
-    total = kept.sum(1)
-    error = (squared_error(values, targets) * kept).sum(1) / total.clamp(min=1)
+        selected = ~batch.from_teacher | (targets - values.detach() > threshold)
+    total = selected.sum(1)
+    error = (squared_error(values, targets) * selected).sum(1) / total.clamp(min=1)
     metrics = {"value_loss": error, "q_value": mean_over(batch.counts, values.shape[1])(values)}
     if threshold is not None:
-        share = (kept & batch.from_teacher).sum(1) / batch.from_teacher.sum(1)
+        share = (selected & batch.from_teacher).sum(1) / batch.from_teacher.sum(1)
         metrics["kept_fraction"] = share.nan_to_num(0.0)
     return error / 2, total, metrics

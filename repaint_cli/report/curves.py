@@ -17,15 +17,10 @@ LABEL_GAP = 0.055
 
 
 def plot_curves(
-    returns: Mapping[str, ArrayLike],
-    path: Path,
-    *,
-    title: str,
-    ylabel: str = "mean evaluation return",
-    progress: Mapping[str, ArrayLike] | None = None,
-    reference: tuple[float, str] | None = None,
-    transfer_iterations: int | None = None,
-) -> None:
+    returns: Mapping[str, ArrayLike], path: Path, *, title: str,
+    ylabel: str = "mean evaluation return", progress: Mapping[str, ArrayLike] | None = None,
+    reference: tuple[float, str] | None = None, transfer_iterations: int | None = None,
+) -> None:  # fmt: skip
     """Draw each method's learning curve: its mean, every seed, and the interval of the mean.
 
     The mean is drawn where every seed of the method has a value; a seed that stopped early ends
@@ -54,13 +49,20 @@ def plot_curves(
     if reference:
         _reference(panels[0], *reference)
     if progress:
-        laps = {label: _seeds(values) for label, values in progress.items()}
-        _panel(panels[1], laps, "mean lap progress [%]", transfer_iterations)
-        panels[1].set_ylim(-3, 103)
+        _progress_panel(panels[1], progress, transfer_iterations)
     for axes in panels:
         _name_lines(axes)
     panels[-1].set_xlabel("iteration", size=style.TEXT_SIZE)
     style.save(figure, path)
+
+
+def _progress_panel(
+    axes: Axes, progress: Mapping[str, ArrayLike], transfer_iterations: int | None
+) -> None:
+    """Draw each method's lap progress, label → (S, K) in per cent."""
+    curves = {label: _seeds(values) for label, values in progress.items()}
+    _panel(axes, curves, "mean lap progress [%]", transfer_iterations)
+    axes.set_ylim(-3, 103)
 
 
 def _seeds(values: ArrayLike) -> Floats:

@@ -89,14 +89,19 @@ def note(
     )
 
 
+def disable_mathtext(figure: Figure) -> None:
+    """Have names drawn as they are, $ and all, and not as formulas."""
+    for text in figure.findobj(Text):
+        text.set_parse_math(False)
+
+
 def save(figure: Figure, path: Path) -> None:
     """Write a figure as a PNG or SVG in one step; the same figure always gives the same bytes.
 
     Raises:
         StoreError: the file cannot be written; an earlier file of that name is as it was.
     """
-    for text in figure.findobj(Text):
-        text.set_parse_math(False)  # names are drawn as they are, $ and all
+    disable_mathtext(figure)
     with atomic_write(path) as scratch:
         if path.suffix == ".svg":
             with matplotlib.rc_context({"svg.hashsalt": "repaint", "svg.fonttype": "none"}):

@@ -32,7 +32,7 @@ def write_video(frames: Iterable[Frame], path: Path, fps: float) -> None:
 
     Raises:
         StoreError: the file cannot be written.
-        ValueError: there is no frame, or one has another size.
+        ValueError: there is no frame, or a frame has another size than the first.
     """
     rest = iter(frames)
     first = next(rest, None)

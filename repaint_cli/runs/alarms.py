@@ -57,10 +57,11 @@ def _check_scale(report: Report) -> Iterator[tuple[str, str]]:
 
 
 def _check_kept(report: Report, rule: str) -> Iterator[tuple[str, str]]:
-    numbers = report.stats.metrics
-    kept, own = numbers["kept_reward"], numbers["student_reward"]
-    worse = kept < own  # not where nothing was kept: kept is nan
-    if not numbers["kept_fraction"].any():
+    """Ask whether samples were kept, and whether they were paid more than the students' own."""
+    metrics = report.stats.metrics
+    teacher_reward, own = metrics["kept_reward"], metrics["student_reward"]
+    worse = teacher_reward < own  # not where nothing was kept: the reward is nan
+    if not metrics["kept_fraction"].any():
         if rule != "auto":
             advice = "lower --threshold or change select.scale"
             yield "nothing-kept", f"no teacher sample was kept, so nothing was taught; {advice}"
@@ -69,7 +70,7 @@ def _check_kept(report: Report, rule: str) -> Iterator[tuple[str, str]]:
         yield (
             "kept-paid-less",
             f"the kept teacher samples{whose} were paid less per step than the student itself "
-            f"({kept[worse].mean():.3g} < {own[worse].mean():.3g}): negative transfer?",
+            f"({teacher_reward[worse].mean():.3g} < {own[worse].mean():.3g}): negative transfer?",
         )
 
 

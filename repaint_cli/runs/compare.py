@@ -9,11 +9,10 @@ from repaint_cli.envs.episodes import Episodes
 from repaint_cli.errors import CardError, UsageError
 from repaint_cli.learn.evaluation import evaluate
 from repaint_cli.learn.seeding import Purpose
-from repaint_cli.runs import comparison
-from repaint_cli.runs.comparison import Comparison, reference_of
+from repaint_cli.runs.comparison import Comparison, comparison_of, reference_of
 from repaint_cli.runs.comparison_report import title_of, write_report
-from repaint_cli.runs.evaluate import last_policies
 from repaint_cli.runs.figures import draw_curves, draw_trajectories
+from repaint_cli.runs.find_policies import last_policies
 from repaint_cli.runs.folder import RunFolder
 from repaint_cli.runs.reader import FinishedRun, read_run
 
@@ -34,8 +33,8 @@ class ComparedRuns:
 
 
 @dataclass(frozen=True)
-class PlayedRun:
-    """A run whose last policies have played."""
+class EvaluatedRun:
+    """A run whose last policies were evaluated."""
 
     run: FinishedRun
     """Which."""
@@ -51,7 +50,7 @@ class PlayedRun:
         return named | {"returns": returns} | run.task.env.outcomes(self.episodes)
 
 
-def compare(
+def compare_runs(
     folders: Sequence[Path],
     reference: str = "scratch",
     target: float | None = None,
@@ -62,16 +61,16 @@ def compare(
 
     Raises:
         NotFound: there is no such folder or reference.
-        CardError: the runs are of several tasks, or there is none.
+        CardError: the runs are of several tasks, or there is no run.
         StoreError: a file cannot be written.
     """
     runs = read_runs(folders)
-    compared = comparison.compare(runs, reference_of(runs, reference), target)
+    comparison = comparison_of(runs, reference_of(runs, reference), target)
     if report:
-        return ComparedRuns(runs, compared, write_report(runs, compared, report))
+        return ComparedRuns(runs, comparison, write_report(runs, comparison, report))
     picture = picture or Path("compare.png")
-    draw_curves(runs, picture, title_of(compared), compared.target)
-    return ComparedRuns(runs, compared, [picture])
+    draw_curves(runs, picture, title_of(comparison), comparison.target)
+    return ComparedRuns(runs, comparison, [picture])
 
 
 def read_runs(folders: Sequence[Path]) -> dict[str, FinishedRun]:
@@ -81,7 +80,7 @@ def read_runs(folders: Sequence[Path]) -> dict[str, FinishedRun]:
 
     Raises:
         NotFound: there is no such folder.
-        CardError: the runs are of several tasks, or there is none.
+        CardError: the runs are of several tasks, or there is no run.
     """
     runs = _with_iterations(folders)
     tasks = sorted({run.task.name for run in runs})
@@ -118,7 +117,7 @@ def check_reference(reference: str | None, folders: Sequence[Path], methods: Seq
         raise UsageError(f"expected --reference among what is compared, found '{reference}'")
 
 
-def play_runs(folders: Sequence[Path], picture: Path) -> list[PlayedRun]:
+def compare_paths(folders: Sequence[Path], picture: Path) -> list[EvaluatedRun]:
     """Let the last policies of runs play, and draw the first seeds' paths side by side.
 
     Raises:
@@ -133,12 +132,12 @@ def play_runs(folders: Sequence[Path], picture: Path) -> list[PlayedRun]:
         raise CardError(f"expected runs on one track or in one environment, found {named}")
     if not runs[0].task.env.has_paths:
         raise CardError(f"expected a task with paths to draw, found '{runs[0].task.name}'")
-    played = []
+    evaluated = []
     for run in runs:
         policies = last_policies(run)
         episodes = evaluate(policies, run.task, run.seeds, EPISODES, purpose=Purpose.SCORE)
-        played.append(PlayedRun(run, f"{run.task.name}: {run.label}", episodes))
+        evaluated.append(EvaluatedRun(run, f"{run.task.name}: {run.label}", episodes))
     title = f"the last policies, {EPISODES} episodes each, first seeds"
-    panels = [(one.label, one.episodes) for one in played]
+    panels = [(one.label, one.episodes) for one in evaluated]
     draw_trajectories(runs[0].task, panels, picture, title)
-    return played
+    return evaluated

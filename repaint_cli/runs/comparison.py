@@ -100,7 +100,7 @@ def reference_of(runs: Mapping[str, FinishedRun], wanted: str) -> str | None:
     return named
 
 
-def compare(
+def comparison_of(
     runs: Mapping[str, FinishedRun], reference: str | None, target: float | None
 ) -> Comparison:
     """Return how runs of one task stand.

@@ -1,51 +1,20 @@
-"""Let a run's or a teacher's policies play, and write how it went."""
+"""Evaluate the policies of a run or a teacher, and write how they did."""
 
-import json
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from repaint_cli.envs.episodes import Episodes
-from repaint_cli.errors import CardError, TeacherMismatch
-from repaint_cli.files.atomic import check_writable, write_text
-from repaint_cli.learn.evaluation import evaluate, spaces_of
+from repaint_cli.errors import CardError
+from repaint_cli.files.atomic import as_json, check_writable, write_text
+from repaint_cli.learn.evaluation import evaluate
 from repaint_cli.learn.seeding import Purpose
-from repaint_cli.policies import weights
-from repaint_cli.policies.networks import ActorCritic
 from repaint_cli.provenance import stamp
-from repaint_cli.runs.checkpoint import NETWORKS, load_networks
 from repaint_cli.runs.figures import draw_trajectories
+from repaint_cli.runs.find_policies import Policies
 from repaint_cli.runs.folder import RunFolder
-from repaint_cli.runs.reader import FinishedRun, newest_run, read_run
 from repaint_cli.runs.start import seed_list
-from repaint_cli.tasks import trust
 from repaint_cli.tasks.card import TaskCard
-from repaint_cli.zoo import store
-from repaint_cli.zoo.teacher_card import TeacherCard
-
-ROOT = Path("runs")
-"""Where evaluations are written that belong to no run."""
-
-
-@dataclass(frozen=True)
-class Policies:
-    """S policies to evaluate."""
-
-    name: str
-    """Of a run or a teacher, for people."""
-    network: ActorCritic
-    """The policies."""
-    seeds: list[int]
-    """Their run seeds, (S,)."""
-    card: TaskCard
-    """The task to evaluate them in."""
-    folder: Path
-    """Where to write the evaluation."""
-    teacher: TeacherCard | None = None
-    """The teacher, if it is one."""
-    run_folder: Path = ROOT
-    """The run's folder, if they are a run's."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +28,7 @@ class Evaluation:
     episodes: Episodes
     """Returns, lengths, actions and more, as arrays."""
     written: list[Path]
-    """The files that tell of it."""
+    """The files of the evaluation."""
 
     def film(self, n_episodes: int | None = None) -> Path:
         """Film the first seed's first episodes; return the file.
@@ -72,74 +41,12 @@ class Evaluation:
             RenderError: no renderer works here.
             StoreError: the file cannot be written.
         """
-        card, path = self.policies.card, self.policies.folder / "video.mp4"
+        card, path = self.policies.card, RunFolder(self.policies.folder).film
         if card.env.films_observations and self.episodes.observations is None:
             raise CardError("expected an evaluation that keeps observations: for_film=True")
         wanted = min(n_episodes or card.env.filmed_episodes, card.eval.episodes)
         card.env.film(self.episodes, path, self.policies.name, wanted)
         return path
-
-
-def find_policies(name: str | None, card: TaskCard | None = None) -> Policies:
-    """Find a run's last policies by its folder, or a teacher's by its name or file.
-
-    Args:
-        name: of a run or a teacher; the newest run where absent.
-        card: the task to play; the policies' own where absent.
-
-    Raises:
-        NotFound: there is no such run or teacher.
-        CheckpointError: the file is damaged.
-        TeacherMismatch: the policies do not fit the task.
-        CardError: the task would run code that a teacher's file brings along.
-    """
-    folder = newest_run(ROOT) if name is None else Path(name)
-    is_run = RunFolder(folder).is_run()
-    if name is None or is_run or (folder.is_dir() and name not in store.teachers()):
-        return _of_run(read_run(folder), card)
-    return _of_teacher(name, card)
-
-
-def _of_run(run: FinishedRun, card: TaskCard | None) -> Policies:
-    network = last_policies(run)
-    if card and spaces_of(card) != network.spaces:
-        raise TeacherMismatch(
-            f"the policies in {run.folder} have {network.spaces}, "
-            f"task '{card.name}' has {spaces_of(card)}"
-        )
-    name = f"{run.task.name} · {run.label} · iteration {run.returns.shape[1]}"
-    return Policies(name, network, run.seeds, card or run.task, run.folder, run_folder=run.folder)
-
-
-def _of_teacher(name: str, card: TaskCard | None) -> Policies:
-    network, teacher = store.load_teacher(store.find(name))
-    if card:
-        store.check_fits([teacher], card, spaces_of(card))
-    code = teacher.task.code_at_risk()
-    if code and not card:
-        raise CardError(
-            f"'{teacher.name}' was trained with {code}, which is never run from a teacher's file; "
-            "name the task: --task my-task.toml"
-        )
-    target = card or teacher.task
-    title = teacher.name if target == teacher.task else f"{teacher.name} on {target.name}"
-    folder = ROOT / target.name / f"eval-{teacher.name}-{stamp()}"
-    return Policies(title, network, [teacher.seed], target, folder, teacher)
-
-
-def last_policies(run: FinishedRun) -> ActorCritic:
-    """Return a run's last policies.
-
-    Raises:
-        CardError: the run brings along code that is not trusted.
-        CheckpointError: its checkpoint is damaged.
-    """
-    trust.check(run.task, run.folder)
-    path, like, seeds = run.files.checkpoint, (spaces_of(run.task), run.task.net), len(run.seeds)
-    weights.check_networks(path, *like, seeds, str(path), NETWORKS)
-    network = ActorCritic(*like, seeds)
-    load_networks(path, network)
-    return network
 
 
 def check_simulator(
@@ -148,7 +55,7 @@ def check_simulator(
     """Check that a task's simulator has what is asked for.
 
     Raises:
-        CardError: it has no noise, no logs, or no such colour.
+        CardError: the simulator has no noise, no logs, or no such colour.
     """
     known = {
         "--noise": not noise or card.env.has_noise,
@@ -162,32 +69,7 @@ def check_simulator(
             )
 
 
-def adjusted(policies: Policies, options: Sequence[str], settings: Sequence[str]) -> Policies:
-    """Return the policies with other settings of their task.
-
-    Args:
-        policies: which.
-        options: settings of the evaluation, as `section.key=value`.
-        settings: others, which make it an evaluation of its own, in a folder of its own.
-
-    Raises:
-        CardError: a setting is out of range.
-        TeacherMismatch: the policies do not fit the task any more.
-    """
-    card = policies.card.with_settings([*options, *settings])
-    if settings:
-        if spaces_of(card) != policies.network.spaces:
-            raise TeacherMismatch(
-                f"the policies have {policies.network.spaces}, the task so set has "
-                f"{spaces_of(card)}"
-            )
-        name = f"{policies.name} · {', '.join(settings)}"
-        folder = ROOT / card.name / f"eval-set-{stamp()}"
-        policies = replace(policies, name=name, folder=folder)
-    return replace(policies, card=card.model_copy(update={"env": card.env.for_film()}))
-
-
-def play(
+def evaluate_policy(
     policies: Policies,
     seed: int | None = None,
     *,
@@ -215,11 +97,12 @@ def play(
         policies.network, card, seeds, n, purpose=Purpose.SCORE,
         keep_observations=for_film and card.env.films_observations,
     )  # fmt: skip
-    written = [policies.folder / "eval.json"]
-    write_text(written[0], json.dumps(_summary(policies, episodes, seeds), indent=2) + "\n")
-    figure, title = policies.folder / "eval-trajectories.png", f"{policies.name} · seed {seeds[0]}"
-    if draw_trajectories(card, [(f"{n} episodes", episodes)], figure, title, colour):
-        written.append(figure)
+    files = RunFolder(policies.folder)
+    written = [files.eval_record]
+    write_text(written[0], as_json(_summary(policies, episodes, seeds)))
+    panels, title = [(f"{n} episodes", episodes)], f"{policies.name} · seed {seeds[0]}"
+    if draw_trajectories(card, panels, files.eval_trajectories, title, colour):
+        written.append(files.eval_trajectories)
     if log_folder:
         written += _log(policies, episodes, log_folder)
     return Evaluation(policies, seeds, episodes, written)

@@ -21,13 +21,13 @@ from repaint_cli.provenance import versions
 from repaint_cli.runs import evaluations
 from repaint_cli.runs.alarms import alarms_of, reference_beside
 from repaint_cli.runs.folder import RunFolder
-from repaint_cli.runs.measuring import begin, inform
+from repaint_cli.runs.measuring import begin_course, inform_course
 from repaint_cli.runs.metrics import Report, append_csv, start_csv
 from repaint_cli.runs.plan import Plan
 from repaint_cli.runs.policies import is_of_iteration, write_policy
 from repaint_cli.runs.record import Alarm, RunRecord, alarms_until
 from repaint_cli.runs.resume import RunState, restore, save_checkpoint, settle
-from repaint_cli.runs.teachers import LoadedTeachers, warm_start, with_terms_of
+from repaint_cli.runs.teachers import RunTeachers, warm_start, with_terms_of
 from repaint_cli.tasks import trust
 from repaint_cli.tasks.card import TaskCard
 from repaint_cli.tasks.methods import METHODS
@@ -46,7 +46,7 @@ class Experiment:
     """What to do."""
     card: TaskCard
     """The target task as it is carried out."""
-    teachers: LoadedTeachers
+    teachers: RunTeachers
     """Whom to learn from."""
     learner: Learner
     """The students, as far as they are."""
@@ -126,7 +126,7 @@ class Experiment:
         Whenever this stops, also by Ctrl-C, the last finished iteration is on disk.
 
         Raises:
-            StoreError: another process is at this run, or the disk is full.
+            StoreError: another process writes this run, or the disk is full.
         """
         with self.plan.files.locked():
             torch.set_num_threads(self.record.threads)  # sums in another order are other sums
@@ -141,12 +141,12 @@ class Experiment:
         self._settle()
         self._write_record("running")
         try:
-            begin(card, learner, self.course)
+            begin_course(card, learner, self.course)
             for stats in TRAINERS[self.plan.algorithm](card, learner, self.course):
                 k = stats.iteration
                 with locate_divergence(learner.seeds, f"evaluation after iteration {k}"):
                     episodes = evaluate(learner.student, card, learner.seeds, card.eval.episodes, k)
-                inform(learner, self.course, stats, episodes)
+                inform_course(learner, self.course, stats, episodes)
                 report = Report(stats, episodes, perf_counter() - started)
                 self.save(report)
                 yield report
@@ -221,7 +221,7 @@ class Experiment:
         """Score the best evaluated policy on fresh seeds and write it as a teacher.
 
         Raises:
-            StoreError: another has that name by now, or the folder cannot be written.
+            StoreError: another teacher has that name by now, or the folder cannot be written.
         """
         best = self.plan.files.best
         network, card = store.load_teacher(best)

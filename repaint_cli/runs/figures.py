@@ -16,30 +16,41 @@ PANELS = 6
 
 
 def draw_run(run: FinishedRun) -> list[Path]:
-    """Draw a run's learning curve and, where the task has paths, its first seed's trajectories."""
-    curves = run.files.curves
-    draw_curves({run.label: run}, curves, title=f"{run.task.name}: {run.label}")
-    title = f"{run.task.name}: {run.label}, seed {run.seeds[0]}"
-    return [curves, *_draw_evaluations(run, title), *_draw_training(run, title)]
+    """Draw all figures of a run; return their files."""
+    return [path for draw in RUN_FIGURES for path in draw(run)]
 
 
-def _draw_evaluations(run: FinishedRun, title: str) -> list[Path]:
-    """Draw where some of the evaluations led."""
-    kept = list(run.files.kept_evaluations().items())
-    if not kept:
+def draw_returns(run: FinishedRun) -> list[Path]:
+    """Draw a run's learning curve."""
+    draw_curves({run.label: run}, run.files.curves, title=f"{run.task.name}: {run.label}")
+    return [run.files.curves]
+
+
+def draw_evaluations(run: FinishedRun) -> list[Path]:
+    """Draw where some evaluations of the first seed led, if the task has paths."""
+    files = list(run.files.kept_evaluations().items())
+    if not files:
         return []
-    chosen = np.unique(np.linspace(0, len(kept) - 1, PANELS).round().astype(int))
-    panels = [(f"iteration {k}", evaluations.read(path)) for k, path in (kept[i] for i in chosen)]
-    trajectories = run.files.trajectories
-    return [trajectories] if draw_trajectories(run.task, panels, trajectories, title) else []
+    chosen = np.unique(np.linspace(0, len(files) - 1, PANELS).round().astype(int))
+    panels = [(f"iteration {k}", evaluations.read(path)) for k, path in (files[i] for i in chosen)]
+    path = run.files.trajectories
+    return [path] if draw_trajectories(run.task, panels, path, _first_seed(run)) else []
 
 
-def _draw_training(run: FinishedRun, title: str) -> list[Path]:
-    """Draw what the run's logs show of its first seed's training; return the pictures."""
+def draw_training(run: FinishedRun) -> list[Path]:
+    """Draw what the run's logs show of its first seed's training, if the simulator has logs."""
     logs = run.task.env.logs
     if logs is None or run.progress is None:
         return []
-    return logs.draw_training(run.folder, run.seeds, run.progress, title)
+    return logs.draw_training(run.folder, run.seeds, run.progress, _first_seed(run))
+
+
+RUN_FIGURES = (draw_returns, draw_evaluations, draw_training)
+"""What is drawn of every run: functions from the run to the files that they wrote."""
+
+
+def _first_seed(run: FinishedRun) -> str:
+    return f"{run.task.name}: {run.label}, seed {run.seeds[0]}"
 
 
 def draw_curves(

@@ -89,14 +89,19 @@ class RunFolder:
         return self.path / "trajectories.png"
 
     @property
-    def heatmap(self) -> Path:
-        """The figure of where a racing run's car was in training."""
-        return self.path / "heatmap.png"
+    def eval_record(self) -> Path:
+        """How `repaint eval` went, as JSON."""
+        return self.path / "eval.json"
 
     @property
-    def progress(self) -> Path:
-        """The figure of how far a racing run's episodes came."""
-        return self.path / "progress.png"
+    def eval_trajectories(self) -> Path:
+        """The figure of the paths in `repaint eval`."""
+        return self.path / "eval-trajectories.png"
+
+    @property
+    def film(self) -> Path:
+        """The film of episodes of `repaint eval`."""
+        return self.path / "video.mp4"
 
     def is_run(self) -> bool:
         """Tell whether a run has been begun here."""
@@ -131,7 +136,7 @@ class RunFolder:
         """Hold the folder, so that no other process writes this run.
 
         Raises:
-            StoreError: another process holds it.
+            StoreError: another process holds the folder.
         """
         return folder_lock(self.path)
 

@@ -25,24 +25,26 @@ def check_episodes(card: TaskCard) -> None:
         )
 
 
-def begin(card: TaskCard, learner: Learner, course: Course) -> None:
+def begin_course(card: TaskCard, learner: Learner, course: Course) -> None:
     """Let a course evaluate students and teachers before the first iteration, if it needs to.
 
     Raises:
         DivergedError: an observation or a reward is not finite.
     """
 
-    def play(network: ActorCritic) -> np.ndarray:
+    def evaluate_network(network: ActorCritic) -> np.ndarray:
         episodes = evaluate(network, card, learner.seeds, card.eval.episodes)
         learner.env_steps += episodes.lengths.sum(1)
         return episodes.returns
 
     with locate_divergence(learner.seeds, "evaluation before the first iteration"):
-        course.begin(learner.student, play)
+        course.begin(learner.student, evaluate_network)
 
 
-def inform(learner: Learner, course: Course, stats: IterationStats, played: Episodes) -> None:
-    """Tell a course how the evaluation after an iteration went."""
-    used = course.after_evaluation(stats.iteration, stats.phase, stats.steps, played.returns)
+def inform_course(
+    learner: Learner, course: Course, stats: IterationStats, evaluation: Episodes
+) -> None:
+    """Give a course the evaluation after an iteration; count its episodes if it was used."""
+    used = course.after_evaluation(stats.iteration, stats.phase, stats.steps, evaluation.returns)
     if used:
-        learner.env_steps += played.lengths.sum(1)
+        learner.env_steps += evaluation.lengths.sum(1)

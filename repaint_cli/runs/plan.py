@@ -18,7 +18,7 @@ from repaint_cli.provenance import versions
 from repaint_cli.runs.folder import RunFolder
 from repaint_cli.runs.measuring import check_episodes
 from repaint_cli.runs.record import RunRecord, TeacherRecord
-from repaint_cli.runs.teachers import LoadedTeachers, load_teachers
+from repaint_cli.runs.teachers import RunTeachers, load_teachers
 from repaint_cli.settings import TransferConfig
 from repaint_cli.tasks.card import TaskCard
 from repaint_cli.tasks.methods import METHODS
@@ -65,7 +65,7 @@ class Plan:
             select = select.model_copy(update={"rule": "zeta"})
         return self.task.model_copy(update={"transfer": transfer, "select": select})
 
-    def check(self) -> tuple[Spaces, LoadedTeachers]:
+    def check(self) -> tuple[Spaces, RunTeachers]:
         """Try what would else fail only in the run; return the policies' spaces and the teachers.
 
         Raises:
@@ -88,7 +88,7 @@ class Plan:
         seeds = len(self.seeds)
         return spaces, load_teachers(paths, self.acting, task, spaces, seeds, beside=int(by_q))
 
-    def new_record(self, teachers: LoadedTeachers) -> RunRecord:
+    def new_record(self, teachers: RunTeachers) -> RunRecord:
         """Return the record of the run at its beginning."""
         return RunRecord(
             state="running",
@@ -106,7 +106,7 @@ class Plan:
             threads=torch.get_num_threads(),
         )
 
-    def identity(self, teachers: LoadedTeachers) -> dict[str, Any]:
+    def identity(self, teachers: RunTeachers) -> dict[str, Any]:
         """Return what makes a run this one and no other, as JSON; any number of iterations is."""
         task = self.task.model_dump(mode="json")
         task["ppo"]["n_iterations"] = None
@@ -122,7 +122,7 @@ class Plan:
         }
 
     @property
-    def resuming(self) -> str:
+    def resume_command(self) -> str:
         """The command that goes on with the run."""
         command = "transfer" if self.teacher_name is None else "train-teacher"
         return f"repaint {command} --resume {shlex.quote(str(self.folder))}"
@@ -160,7 +160,7 @@ def _file_of(teacher: TeacherRecord) -> Path:
     """Return a teacher's file: where it was, or in the zoo; its contents must be the same.
 
     Raises:
-        NotFound: neither place has a file.
+        NotFound: there is no file in either place.
         TeacherMismatch: the files there have other contents.
     """
     name, wanted = teacher.name, teacher.sha256

@@ -8,14 +8,12 @@ from repaint_cli.errors import CheckpointError
 from repaint_cli.learn.learner import Learner
 from repaint_cli.provenance import versions
 from repaint_cli.runs.plan import Plan
-from repaint_cli.runs.teachers import LoadedTeachers
+from repaint_cli.runs.teachers import RunTeachers
 from repaint_cli.zoo import store
 from repaint_cli.zoo.teacher_card import TeacherCard, read_card
 
 
-def write_policy(
-    path: Path, plan: Plan, teachers: LoadedTeachers, learner: Learner, s: int
-) -> Path:
+def write_policy(path: Path, plan: Plan, teachers: RunTeachers, learner: Learner, s: int) -> Path:
     """Write the policy of one of the seeds, counted from 0; return where it is.
 
     Raises:

@@ -18,7 +18,7 @@ from repaint_cli.runs.checkpoint import load_learner, save_learner
 from repaint_cli.runs.folder import remove
 from repaint_cli.runs.metrics import cut_csv
 from repaint_cli.runs.plan import Plan, difference
-from repaint_cli.runs.teachers import LoadedTeachers
+from repaint_cli.runs.teachers import RunTeachers
 
 
 @dataclass
@@ -81,12 +81,12 @@ class RunState:
 
 
 def save_checkpoint(
-    plan: Plan, teachers: LoadedTeachers, learner: Learner, course: Course, state: RunState
+    plan: Plan, teachers: RunTeachers, learner: Learner, course: Course, state: RunState
 ) -> None:
     """Write all that the run is after an iteration; keep as many earlier ones as planned.
 
     Raises:
-        StoreError: the checkpoint cannot be written; the one before is as it was.
+        StoreError: the checkpoint cannot be written; the earlier checkpoint is as it was.
     """
     files, k = plan.files, learner.iteration
     if plan.keep > 1 and files.checkpoint.is_file():
@@ -111,7 +111,7 @@ def _copy(path: Path, other: Path) -> None:
             shutil.copyfile(path, temporary)
 
 
-def restore(plan: Plan, teachers: LoadedTeachers, learner: Learner, course: Course) -> RunState:
+def restore(plan: Plan, teachers: RunTeachers, learner: Learner, course: Course) -> RunState:
     """Put a learner and its course back to a run's last whole iteration; return what else was.
 
     A run that was stopped before its first checkpoint begins anew. Where the newest checkpoint is
@@ -139,7 +139,7 @@ def restore(plan: Plan, teachers: LoadedTeachers, learner: Learner, course: Cour
 
 
 def _check_identity(
-    path: Path, notes: Mapping[str, Any], plan: Plan, teachers: LoadedTeachers
+    path: Path, notes: Mapping[str, Any], plan: Plan, teachers: RunTeachers
 ) -> None:
     """Check that a checkpoint is of the planned run.
 

@@ -52,7 +52,7 @@ def plan_transfer(
     return Plan(card, method, numbers, place, paths, acting, algorithm, keep=keep)
 
 
-def plan_again(
+def plan_resume(
     folder: Path,
     iterations: int | None = None,
     teacher_name: str | None = None,
@@ -60,48 +60,45 @@ def plan_again(
     *,
     for_teacher: bool | None = None,
 ) -> Plan:
-    """Return the plan of a run that is to go on, perhaps for more iterations.
+    """Return the plan of a run that goes on, perhaps for more iterations.
 
     Args:
         folder: of the run.
         iterations: how many in all; as planned where absent.
         teacher_name: another name for the teacher that it trains.
         replace_teacher: whether that may replace one in the zoo.
-        for_teacher: whether it must be a run that trains a teacher, or one that does not; either
-            where absent.
+        for_teacher: whether it must train a teacher, or must not; no matter which where absent.
 
     Raises:
         NotFound: there is no such run, or its teacher is gone.
         CheckpointError: a file of the run is damaged or of another version.
         TeacherMismatch: the file of the run's teacher has changed.
-        UsageError: it is a run of the other command, or has more iterations already.
+        UsageError: the run is one of the other command, or has more iterations already.
         StoreError: the teacher's name is taken.
     """
     run = read_run(folder)
-    plan = plan_of(run.record, run.task, folder)
-    trains_teacher = plan.teacher_name is not None
-    if for_teacher is not None and trains_teacher != for_teacher:
-        raise UsageError(f"{folder} was begun otherwise; go on with: {plan.resuming}")
-    done = run.returns.shape[1]
+    plan, done = plan_of(run.record, run.task, folder), run.returns.shape[1]
+    if for_teacher is not None and (plan.teacher_name is not None) != for_teacher:
+        raise UsageError(f"{folder} was begun otherwise; go on with: {plan.resume_command}")
     if iterations is not None:
         if iterations < done:
             raise UsageError(
                 f"expected --iterations of at least {done}, which {folder} has, found {iterations}"
             )
         plan = plan.for_iterations(iterations)
-    if not trains_teacher:
+    if plan.teacher_name is None:
         return plan
-    name, may = teacher_name or plan.teacher_name or "", replace_teacher or plan.replace
+    name, may_replace = teacher_name or plan.teacher_name, replace_teacher or plan.replace
     if done < plan.task.ppo.n_iterations:
-        new_teacher_name(name, may)
-    return replace(plan, teacher_name=name, replace=may)
+        new_teacher_name(name, may_replace)
+    return replace(plan, teacher_name=name, replace=may_replace)
 
 
 def seed_list(first: int, how_many: int) -> list[int]:
     """Return the run seeds.
 
     Raises:
-        UsageError: there would be none, or a negative one.
+        UsageError: the number of seeds is below 1, or the first seed is negative.
     """
     if how_many < 1 or first < 0:
         raise UsageError(
@@ -127,7 +124,7 @@ def checked_seeds(seeds: Sequence[int]) -> list[int]:
 def new_folder(folder: str | Path | None, task: str, what: str) -> Path:
     """Return the folder of a new run: the one asked for, or runs/<task>/<what>-<stamp>.
 
-    Two of a second, or of an hour that the clock was put back, are told apart by a number.
+    Where a folder has that name already, a number is added.
     """
     if folder:
         return Path(folder)
@@ -140,7 +137,7 @@ def new_teacher_name(name: str, replace: bool) -> str:
     """Check that a teacher may be added to the user's zoo under a name.
 
     Raises:
-        StoreError: no teacher may be called so, or one is there already.
+        StoreError: the name is invalid or taken, or the zoo cannot be written.
     """
     check_name(name)
     path = user_zoo() / f"{name}.safetensors"
@@ -156,8 +153,8 @@ def find_teachers(names: Sequence[str], method: str) -> tuple[Path, ...]:
     """Return the teachers' files; none for a method without them.
 
     Raises:
-        NotFound: there is no such teacher, or none was named for a method that needs one.
-        UsageError: there are several, and the method starts from one.
+        NotFound: there is no such teacher, or no teacher is named for a method that needs one.
+        UsageError: several teachers are named for a method that starts from one.
     """
     if not METHODS[method].needs_teacher:
         return ()
@@ -172,7 +169,7 @@ def find_acting(names: Sequence[str], teachers: Sequence[Path]) -> tuple[Path, .
     """Return the files of those teachers whose own samples are used, or None for all of them.
 
     Raises:
-        UsageError: a name is none of the run's teachers.
+        UsageError: a named teacher is not among the run's teachers.
     """
     if not names:
         return None

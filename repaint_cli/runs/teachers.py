@@ -21,7 +21,7 @@ from repaint_cli.zoo.teacher_card import TeacherCard, read_card
 
 
 @dataclass(frozen=True)
-class LoadedTeachers:
+class RunTeachers:
     """The teachers of a run."""
 
     cards: tuple[TeacherCard, ...]
@@ -39,7 +39,7 @@ def load_teachers(
     spaces: Spaces,
     seeds: int,
     beside: int = 0,
-) -> LoadedTeachers:
+) -> RunTeachers:
     """Load teachers for a task.
 
     Args:
@@ -71,7 +71,7 @@ def load_teachers(
                 name=card.name, sha256=sha256(path), instances=act, file=str(path.absolute())
             )
         )
-    return LoadedTeachers(tuple(cards), tuple(teachers), tuple(records))
+    return RunTeachers(tuple(cards), tuple(teachers), tuple(records))
 
 
 def _check_numbers(task: TaskCard, n_teachers: int, n_acting: int) -> None:
@@ -135,7 +135,7 @@ def _weights(card: TeacherCard, task: TaskCard) -> np.ndarray | None:
     return np.array(card.task.weights(task.reward))
 
 
-def warm_start(student: ActorCritic, loaded: LoadedTeachers, task: TaskCard) -> None:
+def warm_start(student: ActorCritic, loaded: RunTeachers, task: TaskCard) -> None:
     """Put the first teacher's weights into every seed of the student.
 
     Raises:

@@ -42,8 +42,8 @@ class TaskCard(Recipe, Task, Titled):
     def _method_decides(cls, transfer: TransferConfig) -> TransferConfig:
         """Refuse joint updates on a card: which parts of REPAINT are on is the method's matter."""
         if transfer.joint:
-            found = PydanticCustomError("joint", "expected False; use --method repaint-joint")
-            where = InitErrorDetails(type=found, loc=("joint",), input=True)
+            problem = PydanticCustomError("joint", "expected False; use --method repaint-joint")
+            where = InitErrorDetails(type=problem, loc=("joint",), input=True)
             raise ValidationError.from_exception_data(cls.__name__, [where])
         return transfer
 
@@ -63,7 +63,7 @@ class TaskCard(Recipe, Task, Titled):
         """Check a card's data.
 
         Raises:
-            CardError: naming the first key that is unknown, absent or out of range.
+            CardError: a key is unknown, absent or out of range; the message names the first.
         """
         try:
             return cls.model_validate(data)

@@ -25,7 +25,7 @@ def read_task(name: str) -> TaskCard:
 
     Raises:
         NotFound: there is no such task.
-        CardError: the card says something it may not.
+        CardError: the card has a value that is not allowed.
     """
     path = Path(name)
     if path.suffix == ".toml":

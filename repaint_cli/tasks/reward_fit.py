@@ -56,8 +56,8 @@ def fit(task: TaskCard) -> Fit:
     w, constant = _least_squares(phi, paid, np.ones(len(names), np.bool_))
     matters = np.abs(w) * phi.std(axis=0) >= NEGLIGIBLE * paid.std()
     w, constant = _least_squares(phi, paid, matters)
-    left = paid - phi @ w - constant
-    r_squared = 1 - (left**2).sum() / ((paid - paid.mean()) ** 2).sum()
+    residuals = paid - phi @ w - constant
+    r_squared = 1 - (residuals**2).sum() / ((paid - paid.mean()) ** 2).sum()
     weights = dict(zip(names, w.tolist(), strict=True))
     return Fit(weights, constant, float(r_squared), len(paid))
 
@@ -67,22 +67,22 @@ def _least_squares(
 ) -> tuple[np.ndarray, float]:
     """Return the weights (F,) of the terms that matter (F,), 0 for the others, and a constant."""
     columns = np.column_stack([phi[:, matters], np.ones(len(phi))])
-    found, *_ = np.linalg.lstsq(columns, paid, rcond=None)
+    solution, *_ = np.linalg.lstsq(columns, paid, rcond=None)
     w = np.zeros(phi.shape[1])
-    w[matters] = found[:-1]
-    return w, float(found[-1])
+    w[matters] = solution[:-1]
+    return w, float(solution[-1])
 
 
-def weighed(task: TaskCard, found: Fit) -> TaskCard:
+def with_fitted_weights(task: TaskCard, fitted: Fit) -> TaskCard:
     """Return the task with fitted weights in place of its reward function.
 
     Raises:
         CardError: the function is no weighted sum of the terms, R² < 0.9.
     """
-    if found.r_squared < LEAST_R_SQUARED:
+    if fitted.r_squared < LEAST_R_SQUARED:
         raise CardError(
             f"expected the reward function of '{task.name}' to be nearly a weighted sum of "
-            f"{', '.join(found.weights)} (R² of at least {LEAST_R_SQUARED}), found R² "
-            f"{found.r_squared:.3f}; a cosine would say nothing"
+            f"{', '.join(fitted.weights)} (R² of at least {LEAST_R_SQUARED}), found R² "
+            f"{fitted.r_squared:.3f}; a cosine would say nothing"
         )
-    return task.model_copy(update={"reward": found.weights, "reward_code": None})
+    return task.model_copy(update={"reward": fitted.weights, "reward_code": None})

@@ -6,7 +6,7 @@ from math import hypot
 from typing import NamedTuple
 
 from repaint_cli.tasks.card import TaskCard
-from repaint_cli.tasks.reward_fit import Fit, fit, weighed
+from repaint_cli.tasks.reward_fit import Fit, fit, with_fitted_weights
 from repaint_cli.tasks.task import Task
 
 
@@ -96,4 +96,6 @@ def similarities_of(cards: Sequence[TaskCard]) -> Similarities:
         CardError: a reward function is no weighted sum of the simulator's terms, or failed.
     """
     fits = {card.name: fit(card) for card in cards if card.reward_code}
-    return Similarities([weighed(c, fits[c.name]) if c.reward_code else c for c in cards], fits)
+    return Similarities(
+        [with_fitted_weights(c, fits[c.name]) if c.reward_code else c for c in cards], fits
+    )

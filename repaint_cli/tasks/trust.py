@@ -18,7 +18,7 @@ def allow(task: Task) -> None:
     """Let a task's code run from runs, too.
 
     Raises:
-        StoreError: the list of what may cannot be written.
+        StoreError: the list of what may run cannot be written.
     """
     if not task.code_at_risk() or _allowed(task):
         return
@@ -38,7 +38,7 @@ def check(task: Task, where: Path) -> None:
     """Check that a run's code may run.
 
     Raises:
-        CardError: nobody has allowed it.
+        CardError: the code is not on the list of what may run.
     """
     if task.code_at_risk() and not _allowed(task):
         raise CardError(

@@ -60,7 +60,7 @@ def find(name: str) -> Path:
     """Return the file of a teacher, by its name or by its path.
 
     Raises:
-        NotFound: there is no teacher of this name, or it is a link that leads out of the zoo.
+        NotFound: there is no teacher of this name, or its file is a link that leads out of the zoo.
     """
     if name.endswith(SUFFIX) and os.path.exists(name):
         return Path(name)
@@ -81,7 +81,7 @@ def remove(name: str) -> Path:
 
     Raises:
         NotFound: there is no teacher of this name.
-        StoreError: the teacher is a shipped one, or its file cannot be removed.
+        StoreError: the teacher is shipped, or its file cannot be removed.
     """
     path = user_zoo() / f"{name}{SUFFIX}"
     if not NAME.fullmatch(name) or not os.path.lexists(path):

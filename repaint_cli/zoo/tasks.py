@@ -15,8 +15,8 @@ def read_task_or_teacher(name: str) -> TaskCard:
 
     Raises:
         NotFound: there is no such task or teacher.
-        CardError: the card says something it may not, or a teacher's has a reward function, which
-            is never run from a teacher's file.
+        CardError: the card has a value that is not allowed, or a teacher's card has a reward
+            function, which is never run from a teacher's file.
         CheckpointError: the teacher's file is damaged.
     """
     if name.endswith(".toml") or name in shipped_tasks():

@@ -14,14 +14,14 @@ from test_simtrace import TASK, trace
 
 from repaint_cli.cli.console import literal
 from repaint_cli.cli.tasks import to_toml
-from repaint_cli.envs.racer.deepracer.simtrace import read_training
+from repaint_cli.envs.racer.deepracer.simtrace_reader import read_training
 from repaint_cli.envs.racer.track.files import load_track
 from repaint_cli.paths import PACKAGE
 from repaint_cli.policies import weights
 from repaint_cli.policies.networks import ActorCritic
 from repaint_cli.policies.spaces import Spaces
 from repaint_cli.runs import checkpoint
-from repaint_cli.runs.comparison import as_row, compare
+from repaint_cli.runs.comparison import as_row, comparison_of
 from repaint_cli.runs.experiment import Experiment
 from repaint_cli.runs.plan import Plan
 from repaint_cli.runs.reader import read_run
@@ -101,7 +101,7 @@ def run_targets(folder):
         run = read_run(folder)
         assert run.taught_until >= 0
         if run.returns.size and (run.progress is None or run.progress.size):
-            found = compare({run.label: run}, run.label, None)
+            found = comparison_of({run.label: run}, run.label, None)
             assert json.dumps([as_row(row) for row in found.standings])
 
     path = folder / "checkpoint.safetensors"

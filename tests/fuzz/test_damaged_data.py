@@ -8,7 +8,7 @@ from read_targets import METADATA
 from test_damaged_files import HEAD, record
 
 from repaint_cli.envs.racer.deepracer.model_files import read_model_metadata
-from repaint_cli.envs.racer.deepracer.simtrace import read_training
+from repaint_cli.envs.racer.deepracer.simtrace_reader import read_training
 from repaint_cli.errors import CardError, CheckpointError, NotFound
 from repaint_cli.files.limits import MAX_BYTES, MAX_CELLS, MAX_DEPTH, read_json
 from repaint_cli.runs.reader import read_run

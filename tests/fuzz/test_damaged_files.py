@@ -17,7 +17,7 @@ from read_damaged_files import Judge
 from read_targets import Target
 from small_runs import add_teacher
 
-from repaint_cli.envs.racer.deepracer.simtrace import read_training
+from repaint_cli.envs.racer.deepracer.simtrace_reader import read_training
 from repaint_cli.envs.racer.track.files import load_track
 from repaint_cli.errors import CardError, CheckpointError, RepaintError, reported_as
 from repaint_cli.files.limits import read_bytes

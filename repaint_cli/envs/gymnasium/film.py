@@ -1,9 +1,9 @@
 """Films of Gymnasium environments on machines without a screen.
 
-MuJoCo reads MUJOCO_GL when it is first imported and cannot change its mind after a failure, so a
-child process draws, and child processes find out beforehand which of EGL and OSMesa works here.
-The child is this module (`python -m repaint_cli.report.offscreen probe | film`); it reads its job
-as JSON from standard input.
+MuJoCo reads MUJOCO_GL when it is first imported and cannot use another after a failure, so a child
+process draws, and child processes find out beforehand which of EGL and OSMesa works here.
+The child is this module (`python -m repaint_cli.envs.gymnasium.film probe | film`); it reads its
+job as JSON from standard input.
 """
 
 import json
@@ -43,8 +43,8 @@ CAMERAS: dict[str, dict[str, Any]] = {
 
 
 @dataclass(frozen=True)
-class Episode:
-    """What to play again."""
+class Replay:
+    """An episode to play again."""
 
     seed: int
     """Given to `reset`."""
@@ -70,7 +70,7 @@ def find_renderer() -> str | None:
 def render_gym(
     env_id: str,
     kwargs: Mapping[str, Any],
-    episodes: Sequence[Episode],
+    episodes: Sequence[Replay],
     path: Path,
     *,
     title: str = "",
@@ -96,12 +96,9 @@ def render_gym(
     if renderer is None:
         raise RenderError(ADVICE)
     job = {
-        "env_id": env_id,
-        "kwargs": dict(kwargs),
+        "env_id": env_id, "kwargs": dict(kwargs), "title": title, "fps": fps,
         "episodes": [_as_json(episode) for episode in episodes],
-        "title": title,
-        "fps": fps,
-    }
+    }  # fmt: skip
     with (
         atomic_write(path) as scratch,
         TemporaryDirectory(prefix=".film-", dir=path.parent) as folder,
@@ -123,8 +120,8 @@ def _film_in_child(job: dict[str, Any], renderer: str) -> None:
         raise RenderError(f"cannot film '{job['env_id']}' with {renderer}: {reason}")
 
 
-def _as_json(episode: Episode) -> dict[str, Any]:
-    """Python writes a float64 so that reading it gives the same number back, bit for bit."""
+def _as_json(episode: Replay) -> dict[str, Any]:
+    """Return an episode as JSON, whose numbers are read back bit for bit the same."""
     rewards = None if episode.rewards is None else np.asarray(episode.rewards).tolist()
     actions = np.asarray(episode.actions).tolist()
     return {"seed": int(episode.seed), "actions": actions, "rewards": rewards}
@@ -148,7 +145,7 @@ def _child(task: str, renderer: str, job: str, seconds: float) -> subprocess.Com
 
 
 def probe() -> bool:
-    """Draw a white ball on black and say whether anything can be seen."""
+    """Draw a white ball on black; return whether the picture shows anything."""
     import mujoco  # type: ignore[import-untyped]
 
     ball = "<mujoco><worldbody><light pos='0 0 3'/><geom size='.5'/></worldbody></mujoco>"

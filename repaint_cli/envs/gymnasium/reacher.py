@@ -15,7 +15,7 @@ from matplotlib.patches import Circle
 
 from repaint_cli.report import style
 from repaint_cli.report.markers import TARGET, TIP, legend, legend_entry
-from repaint_cli.report.paths import (
+from repaint_cli.report.path_panels import (
     PathPanel,
     colour_bar,
     coloured_paths,
@@ -42,14 +42,14 @@ def plot_reacher(panels: Sequence[PathPanel], path: Path, title: str) -> None:
         StoreError: the file cannot be written.
     """
     figure, panes = grid(len(panels), 1.0, title)
-    scale = Normalize(0, max((paths.xy.shape[1] - 1 for paths in panels), default=1))
-    for axes, paths in zip(panes, panels, strict=True):
+    scale = Normalize(0, max((panel.xy.shape[1] - 1 for panel in panels), default=1))
+    for axes, panel in zip(panes, panels, strict=True):
         axes.add_patch(Circle((0, 0), REACH, facecolor="#f6f6f6", edgecolor=style.FAINT, lw=0.8))
         axes.plot(0, 0, "+", color=style.FAINT, markersize=8)
-        steps = np.broadcast_to(np.arange(paths.xy.shape[1], dtype=np.float64), paths.xy.shape[:2])
-        coloured_paths(axes, paths.xy, steps, scale)
-        _targets(axes, paths)
-        frame(axes, paths.label, -EDGE, EDGE)
+        steps = np.broadcast_to(np.arange(panel.xy.shape[1], dtype=np.float64), panel.xy.shape[:2])
+        coloured_paths(axes, panel.xy, steps, scale)
+        _targets(axes, panel)
+        frame(axes, panel.label, -EDGE, EDGE)
         axes.set(xticks=[-0.2, 0, 0.2], yticks=[-0.2, 0, 0.2])
     colour_bar(figure, panes, scale, "time [steps]", "neither")
     miss = Line2D([], [], color=style.INK, linewidth=0.8, linestyle=":", label="missed by")
@@ -61,16 +61,16 @@ def plot_reacher(panels: Sequence[PathPanel], path: Path, title: str) -> None:
     style.save(figure, path)
 
 
-def _targets(axes: Axes, paths: PathPanel) -> None:
+def _targets(axes: Axes, panel: PathPanel) -> None:
     """Mark targets and final fingertips, and join each pair by what is missing between them."""
-    ends = ends_of(paths.xy)
-    if paths.target is not None:
-        misses = np.stack([ends, paths.target], axis=1)
+    ends = ends_of(panel.xy)
+    if panel.target is not None:
+        misses = np.stack([ends, panel.target], axis=1)
         axes.add_collection(
             LineCollection(
                 list(misses), zorder=4, colors=style.INK, linewidths=0.8, linestyles=":"
             ),
             autolim=False,
         )
-        mark(axes, paths.target, TARGET)
+        mark(axes, panel.target, TARGET)
     mark(axes, ends, TIP)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from pydantic import Field, field_validator
 
-from repaint_cli.envs.episodes import Episodes, Paths
+from repaint_cli.envs.episodes import EpisodePaths, Episodes
 from repaint_cli.envs.simulator import Simulator
 from repaint_cli.errors import CardError
 from repaint_cli.settings import EvalConfig
@@ -93,7 +93,7 @@ class GymnasiumSimulator(Simulator):
         valid: np.ndarray,
         records: Mapping[str, np.ndarray],
         observations: Callable[[], np.ndarray],
-    ) -> Paths | None:
+    ) -> EpisodePaths | None:
         """Return Reacher's fingertip and its targets; see `Simulator.paths`."""
         if not self.has_paths:
             return None
@@ -101,14 +101,14 @@ class GymnasiumSimulator(Simulator):
         target, gap = obs[..., 4:6], obs[..., 8:10]  # the gap is fingertip − target
         known = np.concatenate([valid[:1], valid]).transpose(1, 0, 2)[..., None]
         positions = np.where(known, target + gap, np.nan).transpose(0, 2, 1, 3)
-        return Paths(positions, target[:, 0])
+        return EpisodePaths(positions, target[:, 0])
 
     def draw_paths(
         self, panels: Sequence[tuple[str, Episodes]], path: Path, title: str, colour: str
     ) -> None:
         """Draw Reacher's fingertip; see `Simulator.draw_paths`."""
         from repaint_cli.envs.gymnasium.reacher import plot_reacher
-        from repaint_cli.report.paths import PathPanel, label_of
+        from repaint_cli.report.path_panels import PathPanel, label_of
 
         drawn = []
         for name, episodes in panels:
@@ -124,12 +124,12 @@ class GymnasiumSimulator(Simulator):
 
     def film(self, episodes: Episodes, path: Path, title: str, n_episodes: int) -> None:
         """Play the first seed's first episodes again and film them; see `Simulator.film`."""
-        from repaint_cli.envs.gymnasium.film import Episode, render_gym
+        from repaint_cli.envs.gymnasium.film import Replay, render_gym
 
         replays = []
         for e in range(n_episodes):
             steps = slice(episodes.lengths[0, e]), 0, e
             replays.append(
-                Episode(episodes.env_seeds[e], episodes.actions[steps], episodes.rewards[steps])
+                Replay(episodes.env_seeds[e], episodes.actions[steps], episodes.rewards[steps])
             )
         render_gym(self.id, self.kwargs, replays, path, title=title)

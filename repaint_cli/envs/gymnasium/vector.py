@@ -116,5 +116,5 @@ class EnvPoolVector(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         return obs, reward, terminated, truncated, info
 
     def close_extras(self, **kwargs: Any) -> None:
-        """Let go of the pool's threads."""
+        """Stop the pool's threads."""
         self._pool = None

@@ -72,21 +72,12 @@ class RacerVectorEnv(VectorEnv[Any, NDArray[np.int64], Any]):
     """
 
     def __init__(
-        self,
-        track: Track,
-        num_envs: int,
-        *,
-        car: str = "sim4",
-        actions: Sequence[tuple[float, float]] = ACTIONS,
-        sensors: str = "camera",
-        n_bots: int = 0,
-        crash: str = "at-fault",
-        range_min: float = 0.12,
-        max_steps: int = 1500,
-        noise: Noise | None = None,
-        autoreset_mode: AutoresetMode = AutoresetMode.NEXT_STEP,
+        self, track: Track, num_envs: int, *, car: str = "sim4",
+        actions: Sequence[tuple[float, float]] = ACTIONS, sensors: str = "camera",
+        n_bots: int = 0, crash: str = "at-fault", range_min: float = 0.12, max_steps: int = 1500,
+        noise: Noise | None = None, autoreset_mode: AutoresetMode = AutoresetMode.NEXT_STEP,
         threads: int = 1,
-    ) -> None:
+    ) -> None:  # fmt: skip
         """Build N cars on a track; `reset` puts them on the road.
 
         Args:
@@ -108,25 +99,35 @@ class RacerVectorEnv(VectorEnv[Any, NDArray[np.int64], Any]):
         """
         check_positive(num_envs=num_envs, max_steps=max_steps, threads=threads)
         check_names(car=(car, CAR_PROFILES), sensors=(sensors, SENSORS), crash=(crash, CRASHES))
-        if autoreset_mode not in (AutoresetMode.NEXT_STEP, AutoresetMode.DISABLED):
-            raise ValueError(f"expected autoreset NEXT_STEP or DISABLED, found {autoreset_mode}")
-        self.metadata = {"autoreset_mode": autoreset_mode, "render_fps": round(1 / STEP_SECONDS)}
-        self.num_envs = num_envs
+        self._set_autoreset(autoreset_mode)
+        self.num_envs, self.track = num_envs, track
         self._sensors = Sensors(track, sensors, range_min, noise, threads)
-        self.single_observation_space = self._sensors.space()
         self._actions = commands_of(actions)
-        self.single_action_space = Discrete(len(self._actions))
-        self.observation_space = batch_space(self.single_observation_space, num_envs)
-        self.action_space = batch_space(self.single_action_space, num_envs)
-        self.track = track
+        self._set_spaces()
         self._fleet = Fleet(track, num_envs, car, max_steps, n_bots, crash)
-        self._noise = noise
+        self._noise, self._is_reset = noise, False
         self._rngs = [np.random.default_rng() for _ in range(num_envs)]
         self._given_starts: Floats | None = None
         self._reverse = np.zeros(num_envs, np.bool_)
-        self._is_reset = False
-        self._parks = autoreset_mode is AutoresetMode.DISABLED
         self._parked_readings: Readings = {}  # the last ones of parked cars
+
+    def _set_autoreset(self, mode: AutoresetMode) -> None:
+        """Note whether an environment starts anew after an episode, or its car parks.
+
+        Raises:
+            ValueError: the mode is another one.
+        """
+        if mode not in (AutoresetMode.NEXT_STEP, AutoresetMode.DISABLED):
+            raise ValueError(f"expected autoreset NEXT_STEP or DISABLED, found {mode}")
+        self.metadata = {"autoreset_mode": mode, "render_fps": round(1 / STEP_SECONDS)}
+        self._parks = mode is AutoresetMode.DISABLED
+
+    def _set_spaces(self) -> None:
+        """Set the spaces of one environment and of all."""
+        self.single_observation_space = self._sensors.space()
+        self.single_action_space = Discrete(len(self._actions))
+        self.observation_space = batch_space(self.single_observation_space, self.num_envs)
+        self.action_space = batch_space(self.single_action_space, self.num_envs)
 
     def reset(
         self,

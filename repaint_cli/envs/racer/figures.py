@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from repaint_cli.envs.episodes import Episodes
-from repaint_cli.envs.racer.deepracer.simtrace import read_training
+from repaint_cli.envs.racer.deepracer.simtrace_reader import read_training
 from repaint_cli.envs.racer.dynamics.car import FRONT_OFFSET
 from repaint_cli.envs.racer.film import FilmedEpisode, racer_frames
 from repaint_cli.envs.racer.names import STATUS
@@ -14,7 +14,7 @@ from repaint_cli.envs.racer.path_figure import plot_racer
 from repaint_cli.envs.racer.simulator import RacerSimulator
 from repaint_cli.envs.racer.track.files import load_track
 from repaint_cli.envs.racer.training_figures import plot_heatmap, plot_progress
-from repaint_cli.report.paths import PathPanel, label_of
+from repaint_cli.report.path_panels import PathPanel, label_of
 from repaint_cli.report.video import write_video
 
 UNITS = {"speed": "speed [m/s]", "reward": "reward per step"}

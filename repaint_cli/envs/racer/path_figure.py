@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.colors import Normalize, to_rgb
 
@@ -15,7 +16,7 @@ from repaint_cli.envs.racer.sweep import cell_of, sweep
 from repaint_cli.envs.racer.track.geometry import Floats
 from repaint_cli.report import style
 from repaint_cli.report.markers import CRASH, EXIT, START, legend, legend_entry
-from repaint_cli.report.paths import (
+from repaint_cli.report.path_panels import (
     PathPanel,
     colour_bar,
     coloured_paths,
@@ -53,33 +54,37 @@ def plot_racer(
     Raises:
         StoreError: the file cannot be written.
     """
-    points = np.concatenate([inner, outer, *(paths.xy.reshape(-1, 2) for paths in panels)])
+    points = np.concatenate([inner, outer, *(panel.xy.reshape(-1, 2) for panel in panels)])
     low, high = np.nanmin(points, axis=0) - 0.2, np.nanmax(points, axis=0) + 0.2
     width, height = high - low
     figure, panes = grid(len(panels), float(np.clip(height / width, 0.4, 1.4)), title)
     scale, extend = scale_of(panels)
-    for axes, paths in zip(panes, panels, strict=True):
+    for axes, panel in zip(panes, panels, strict=True):
         draw_road(axes, inner, outer, centre)
-        _swept(axes, paths, scale, low, high)
-        coloured_paths(axes, paths.xy, paths.values, scale)
-        _starts_and_exits(axes, paths)
-        frame(axes, paths.label, low, high)
-    if any(paths.values is not None for paths in panels):
+        _swept(axes, panel, scale, low, high)
+        coloured_paths(axes, panel.xy, panel.values, scale)
+        _starts_and_exits(axes, panel)
+        frame(axes, panel.label, low, high)
+    if any(panel.values is not None for panel in panels):
         colour_bar(figure, panes, scale, unit, extend)
-    entries = [legend_entry("start", START), legend_entry("left the track", EXIT)]
-    if any(paths.crashed is not None and paths.crashed.any() for paths in panels):
-        entries.append(legend_entry("crashed", CRASH))
-    legend(figure, [*lane_patches(), *entries])
+    legend(figure, _legend_entries(panels))
     style.save(figure, path)
 
 
-def _swept(axes: Axes, paths: PathPanel, scale: Normalize, low: Floats, high: Floats) -> None:
+def _legend_entries(panels: Sequence[PathPanel]) -> list[Artist]:
+    """Return the legend's entries: the lanes, starts and exits, and crashes where there are any."""
+    entries = [legend_entry("start", START), legend_entry("left the track", EXIT)]
+    if any(panel.crashed is not None and panel.crashed.any() for panel in panels):
+        entries.append(legend_entry("crashed", CRASH))
+    return [*lane_patches(), *entries]
+
+
+def _swept(axes: Axes, panel: PathPanel, scale: Normalize, low: Floats, high: Floats) -> None:
     """Colour what the cars swept by the mean value there, fuller where more of them passed."""
-    known = paths.values is not None
-    values = paths.values if paths.values is not None else np.zeros(paths.xy.shape[:2])
-    passed, means = sweep(paths.xy, values, low, high)
+    values = panel.values if panel.values is not None else np.zeros(panel.xy.shape[:2])
+    passed, means = sweep(panel.xy, values, low, high)
     colours = style.ramp()(scale(np.nan_to_num(means)), bytes=True)  # (rows, columns, 4) uint8
-    if not known:
+    if panel.values is None:
         colours[..., :3] = 255 * np.array(to_rgb(style.METHOD_COLOURS["repaint"]))
     colours[..., 3] = 255 * (1 - (1 - PASSAGE) ** passed)
     (rows, columns), cell = passed.shape, cell_of(low, high)
@@ -87,9 +92,9 @@ def _swept(axes: Axes, paths: PathPanel, scale: Normalize, low: Floats, high: Fl
     axes.imshow(colours, extent=extent, origin="lower", zorder=2.5, interpolation="bilinear")
 
 
-def _starts_and_exits(axes: Axes, paths: PathPanel) -> None:
-    mark(axes, paths.xy[:, 0], START)
-    if paths.ended_off is not None:
-        mark(axes, ends_of(paths.xy)[np.asarray(paths.ended_off, dtype=bool)], EXIT)
-    if paths.crashed is not None:
-        mark(axes, ends_of(paths.xy)[np.asarray(paths.crashed, dtype=bool)], CRASH)
+def _starts_and_exits(axes: Axes, panel: PathPanel) -> None:
+    mark(axes, panel.xy[:, 0], START)
+    if panel.ended_off is not None:
+        mark(axes, ends_of(panel.xy)[np.asarray(panel.ended_off, dtype=bool)], EXIT)
+    if panel.crashed is not None:
+        mark(axes, ends_of(panel.xy)[np.asarray(panel.crashed, dtype=bool)], CRASH)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 import numpy as np
 from pydantic import Field, field_validator
 
-from repaint_cli.envs.episodes import Column, Episodes, Paths
+from repaint_cli.envs.episodes import Column, EpisodePaths, Episodes
 from repaint_cli.envs.logs import LogFormat
 from repaint_cli.envs.racer.names import BOT_RECORDS, BOT_TERMS, RECORDS, STATUS, TERMS
 from repaint_cli.envs.simulator import CheckedFile, Simulator
@@ -206,10 +206,10 @@ class RacerSimulator(Simulator):
         valid: np.ndarray,
         records: Mapping[str, np.ndarray],
         observations: Callable[[], np.ndarray],
-    ) -> Paths:
+    ) -> EpisodePaths:
         """Return where the cars' front points were; see `Simulator.paths`."""
         xy = np.stack([records["x"], records["y"]], -1)  # (T, S, E, 2)
-        return Paths(np.moveaxis(xy, 0, 2))
+        return EpisodePaths(np.moveaxis(xy, 0, 2))
 
     def draw_paths(
         self, panels: Sequence[tuple[str, Episodes]], path: Path, title: str, colour: str

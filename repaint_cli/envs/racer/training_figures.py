@@ -51,10 +51,7 @@ def plot_heatmap(
     """
     points = np.concatenate([inner, outer, *(trace.xy for _, trace in episodes)])
     low, high = points.min(0) - 0.2, points.max(0) + 0.2
-    side, aspect = 4.3, float(np.clip(np.divide(*(high - low)[::-1]), 0.4, 1.4))
-    figure = style.new_figure(2 * side + 1.2, 2 * (side * aspect + 0.4) + 1.1)
-    style.headline(figure, title)
-    grid = figure.subplots(2, 2, sharex=True, sharey=True)
+    figure, grid = _four_panels(low, high, title)
     quarters = _quarters(episodes)
     edges = [np.arange(a, b + CELL, CELL) for a, b in zip(low, high, strict=True)]
     visits = [_visits(quarter, edges) for quarter in quarters]
@@ -63,15 +60,24 @@ def plot_heatmap(
         draw_road(axes, inner, outer, centre)
         _draw_quarter(axes, quarter, count, edges, scale)
         axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
-    for lowest, leftmost in zip(grid[-1], grid[:, 0], strict=True):
-        lowest.set_xlabel("x [m]", size=style.NOTE_SIZE)
-        leftmost.set_ylabel("y [m]", size=style.NOTE_SIZE)
     _colour_bar(figure, list(grid.flat), scale)
     entries = [legend_entry("left the track", EXIT)]
     if any(trace.status == "crashed" for _, trace in episodes):
         entries.append(legend_entry("crashed", CRASH))
     legend(figure, entries)
     style.save(figure, path)
+
+
+def _four_panels(low: Floats, high: Floats, title: str) -> tuple[Figure, np.ndarray]:
+    """Return a figure and its panels, (2, 2), for what lies between two corners (2,), m."""
+    side, aspect = 4.3, float(np.clip(np.divide(*(high - low)[::-1]), 0.4, 1.4))
+    figure = style.new_figure(2 * side + 1.2, 2 * (side * aspect + 0.4) + 1.1)
+    style.headline(figure, title)
+    grid = figure.subplots(2, 2, sharex=True, sharey=True)
+    for lowest, leftmost in zip(grid[-1], grid[:, 0], strict=True):
+        lowest.set_xlabel("x [m]", size=style.NOTE_SIZE)
+        leftmost.set_ylabel("y [m]", size=style.NOTE_SIZE)
+    return figure, grid
 
 
 def _draw_quarter(

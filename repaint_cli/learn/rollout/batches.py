@@ -88,7 +88,7 @@ def even_share(total: int, which: int, of: int) -> int:
     return total // of + (which < total % of)
 
 
-def front(kept: Tensor) -> tuple[Tensor, Tensor]:
-    """Return the positions of what is kept (S, B), in order, (S, K), and their counts, (S,)."""
-    counts = kept.sum(1)
-    return torch.argsort(~kept, dim=1, stable=True)[:, : int(counts.max())], counts
+def front(mask: Tensor) -> tuple[Tensor, Tensor]:
+    """Return the positions of a mask (S, B) that are true, (S, K), and their counts, (S,)."""
+    counts = mask.sum(1)
+    return torch.argsort(~mask, dim=1, stable=True)[:, : int(counts.max())], counts

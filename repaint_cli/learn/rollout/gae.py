@@ -49,8 +49,8 @@ class Samples(SeedBatch):
     def __post_init__(self) -> None:
         for name, column in self.columns.items():
             if isinstance(column, Tensor) and column.shape[:2] != self.rows.shape:
-                found, wanted = tuple(column.shape[:2]), tuple(self.rows.shape)
-                raise ValueError(f"{name} is {found}, rows are {wanted}")
+                shape, rows_shape = tuple(column.shape[:2]), tuple(self.rows.shape)
+                raise ValueError(f"{name} is {shape}, rows are {rows_shape}")
 
 
 def gae(

@@ -20,7 +20,7 @@ from repaint_cli.learn.update.objectives import masked_mean
 from repaint_cli.policies.networks import ActorCritic
 from repaint_cli.tasks.card import TaskCard
 
-Play = Callable[[ActorCritic], np.ndarray]
+Evaluate = Callable[[ActorCritic], np.ndarray]
 """Evaluates a network in the target task; returns its returns, (S, E)."""
 
 
@@ -148,7 +148,7 @@ class Course(ABC):
         threshold = schedules.threshold(k, self.card.select, self.card.transfer)
         return select(scaled, self.card.select, threshold, rngs, relevance), scaled
 
-    def begin(self, student: ActorCritic, play: Play) -> None:  # noqa: B027
+    def begin(self, student: ActorCritic, evaluate: Evaluate) -> None:  # noqa: B027
         """Do what is needed before the first iteration."""
 
     def start(self, k: int) -> Iteration:

@@ -11,7 +11,7 @@ from repaint_cli.learn.rollout.gae import Samples
 from repaint_cli.learn.rollout.storage import Rollout
 from repaint_cli.learn.states import below, with_prefix
 from repaint_cli.learn.transfer import schedules
-from repaint_cli.learn.transfer.course import Course, Play
+from repaint_cli.learn.transfer.course import Course, Evaluate
 from repaint_cli.learn.transfer.measurements import Measurements
 from repaint_cli.learn.transfer.schedules import Phase
 from repaint_cli.learn.transfer.selection import Selection, rescale, top_share
@@ -114,11 +114,11 @@ class Measured(Scheduled):
         scaled = rescale(samples, "student-batch", self.last.moments)
         return Selection(*front(top_share(scaled, shares))), scaled
 
-    def begin(self, student: ActorCritic, play: Play) -> None:
-        """Evaluate the students and the teachers, unless a checkpoint tells how they did."""
+    def begin(self, student: ActorCritic, evaluate: Evaluate) -> None:
+        """Evaluate the students and the teachers, unless a checkpoint holds their returns."""
         if self.measurements is None:
-            of_students = play(student)
-            of_teachers = [play(teacher.network) for teacher in self.teachers]
+            of_students = evaluate(student)
+            of_teachers = [evaluate(teacher.network) for teacher in self.teachers]
             self.measurements = Measurements(of_students, of_teachers)
 
     def before_own_iteration(self, k: int) -> None:

@@ -80,11 +80,11 @@ def _relevance(
 def _metrics(samples: Samples, selection: Selection, own: OwnBatch) -> dict[str, np.ndarray]:
     """Return metrics of the selection beside those of the students' own batch, (S,) each."""
     counts = selection.counts
-    kept, nothing = samples.pick(selection.positions, counts), counts == 0
+    chosen, nothing = samples.pick(selection.positions, counts), counts == 0
     metrics = {
         "kept_fraction": counts / samples.counts.clamp(min=1),
-        "kept_advantage": masked_mean(kept.advantages, counts).where(~nothing, torch.nan),
-        "kept_reward": masked_mean(kept.rewards, counts).where(~nothing, torch.nan),
+        "kept_advantage": masked_mean(chosen.advantages, counts).where(~nothing, torch.nan),
+        "kept_reward": masked_mean(chosen.rewards, counts).where(~nothing, torch.nan),
         "student_reward": own.reward,
     }
     arrays = {name: values.numpy() for name, values in metrics.items()}

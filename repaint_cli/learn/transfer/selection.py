@@ -3,7 +3,7 @@
 The paper's rule keeps Â′ ≥ ζ; the others are those it was compared with.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -95,13 +95,8 @@ def select(
     if config.rule == "rbt":
         assert relevance is not None
         return Selection(*drawn(relevance, share_counts(samples.counts, config.share), rngs))
-    kept = {
-        "zeta": lambda: above_threshold(samples.advantages, threshold),
-        "abs": lambda: above_threshold(samples.advantages.abs(), threshold),
-        "top": lambda: top_share(samples, config.share),
-        "all": lambda: samples.mask,
-    }[config.rule]() & samples.mask
-    return Selection(*front(kept))
+    mask = KEEPING_RULES[config.rule](samples, config, threshold) & samples.mask
+    return Selection(*front(mask))
 
 
 def above_threshold(advantages: Tensor, threshold: float) -> Tensor:
@@ -157,3 +152,15 @@ def drawn(
         rows.append(torch.searchsorted(sums, points.clamp(max=sums[-1] * (1 - 1e-12)), right=True))
     padded = [torch.nn.functional.pad(row, (0, longest - len(row))) for row in rows]
     return torch.stack(padded), counts
+
+
+KeepingRule = Callable[[Samples, SelectConfig, float], Tensor]
+"""Returns which samples are kept, (S, B) bool, given the rule's parameters and ζ."""
+
+KEEPING_RULES: dict[str, KeepingRule] = {
+    "zeta": lambda samples, _, zeta: above_threshold(samples.advantages, zeta),
+    "abs": lambda samples, _, zeta: above_threshold(samples.advantages.abs(), zeta),
+    "top": lambda samples, config, _: top_share(samples, config.share),
+    "all": lambda samples, *_: samples.mask,
+}
+"""Rules that keep or drop each sample, by their names in [select]."""

@@ -69,6 +69,6 @@ class RowAdam:
         """
         for name, tensor in self.state().items():
             if state[name].shape != tensor.shape:
-                found, wanted = tuple(state[name].shape), tuple(tensor.shape)
-                raise ValueError(f"the optimiser's {name} is {found}, wanted {wanted}")
+                shape, expected = tuple(state[name].shape), tuple(tensor.shape)
+                raise ValueError(f"the optimiser's {name} is {shape}, wanted {expected}")
             tensor.copy_(state[name])

@@ -127,7 +127,7 @@ def _step(
     """Follow the gradient of the sum of all seeds' losses, (S,); seeds share no parameter."""
     student.gradients.zero_()
     torch.autograd.backward(loss.sum())
-    still = [False] * student.n_seeds
-    policies = moving if spec.moves_policy else still
-    critics = moving if spec.moves_critic else still
+    frozen = [False] * student.n_seeds
+    policies = moving if spec.moves_policy else frozen
+    critics = moving if spec.moves_critic else frozen
     optimizer.step(policies, critics, spec.policy_scale)

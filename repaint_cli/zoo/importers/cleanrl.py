@@ -22,7 +22,7 @@ from repaint_cli.zoo.importers.imported import (
     widths,
 )
 
-WORKS = "what can be read: ppo.py, ppo_continuous_action.py and ppo_atari.py"
+SUPPORTED = "what can be read: ppo.py, ppo_continuous_action.py and ppo_atari.py"
 
 CRITIC = {"value.0": "critic.0", "value.1": "critic.2", "value.head": "critic.4"}
 CAMERA_LAYER_NAMES = ("network.0", "network.2", "network.4", "network.7")
@@ -85,4 +85,4 @@ def _script(tensors: Mapping[str, Tensor], path: Path) -> str:
         if logstd and all(f"{layer}.weight" in tensors for layer in layers.values()):
             return script
     names = ", ".join(sorted(tensors)[:4]) or "nothing"
-    raise CheckpointError(f"{path}: found parameters {names}, … of another script; {WORKS}")
+    raise CheckpointError(f"{path}: found parameters {names}, … of another script; {SUPPORTED}")

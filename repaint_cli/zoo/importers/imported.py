@@ -58,7 +58,7 @@ def as_teacher(
         task: that it was trained on.
 
     Raises:
-            TeacherMismatch: the policy or the statistics do not fit the task.
+        TeacherMismatch: the policy or the statistics do not fit the task.
         UsageError: statistics are given for a policy of images.
         CardError: the task's environment cannot be made.
     """

@@ -215,7 +215,7 @@ def number_of(value: Any) -> float:
     """Return a number, or the one that a record describes.
 
     Raises:
-        Refused: the value is neither.
+        Refused: the value is no number and no record of a number.
     """
     if type(value) is float or (type(value) is int and value.bit_length() <= 64):
         return float(value)

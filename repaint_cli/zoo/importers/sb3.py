@@ -29,7 +29,7 @@ DATA, WEIGHTS, VERSION = "data", "policy.pth", "_stable_baselines3_version"
 MAX_SETTINGS_BYTES = 16 * 2**20
 """Bytes of JSON; last observations, which may be images, are among them."""
 
-WORKS = "what can be read: PPO and A2C with MlpPolicy or CnnPolicy"
+SUPPORTED = "what can be read: PPO and A2C with MlpPolicy or CnnPolicy"
 
 ACTIVATIONS = {
     f"<class 'torch.nn.modules.activation.{name}'>": name.lower()
@@ -41,7 +41,7 @@ EXTRACTORS = {
     for name in ("FlattenExtractor", "NatureCNN")
 }
 
-HARMLESS = {
+WITHOUT_EFFECT = {
     "ortho_init", "log_std_init", "optimizer_class", "optimizer_kwargs", "lr_schedule",
     "net_arch", "share_features_extractor", "full_std", "use_expln", ":type:", ":serialized:",
 }  # fmt: skip
@@ -105,12 +105,12 @@ def _algorithm(data: Mapping[str, Any], path: Path) -> str:
     policy = data.get("policy_class")
     module = policy.get("__module__") if isinstance(policy, dict) else None
     if module != "stable_baselines3.common.policies":
-        raise CheckpointError(f"{path}: found a policy of {str(module)[:80]}; {WORKS}")
+        raise CheckpointError(f"{path}: found a policy of {str(module)[:80]}; {SUPPORTED}")
     if "clip_range" in data and "n_epochs" in data:
         return "ppo"
     if "vf_coef" in data and "gae_lambda" in data:
         return "a2c"
-    raise CheckpointError(f"{path}: found settings of another algorithm; {WORKS}")
+    raise CheckpointError(f"{path}: found settings of another algorithm; {SUPPORTED}")
 
 
 def _spaces(data: Mapping[str, Any], path: Path) -> Spaces:
@@ -158,7 +158,7 @@ def _policy_settings(data: Mapping[str, Any], path: Path) -> dict[str, Any]:
     kwargs = data.get("policy_kwargs")
     if not isinstance(kwargs, dict):
         raise CheckpointError(f"{path}: expected policy_kwargs in its '{DATA}', found none")
-    settings = {key: value for key, value in kwargs.items() if key not in HARMLESS}
+    settings = {key: value for key, value in kwargs.items() if key not in WITHOUT_EFFECT}
     return settings | ({"use_sde": data["use_sde"]} if data.get("use_sde") else {})
 
 
@@ -181,7 +181,7 @@ def _activation(settings: dict[str, Any], spaces: Spaces, path: Path) -> str:
             )
         if not valid:
             raise CheckpointError(
-                f"{path}: found a policy with {key}={str(value)[:80]}; {WORKS} without it"
+                f"{path}: found a policy with {key}={str(value)[:80]}; {SUPPORTED} without it"
             )
     if activation not in ACTIVATIONS:
         known = ", ".join(text.split(".")[-1].rstrip("'>") for text in ACTIVATIONS)
@@ -213,10 +213,10 @@ def _camera(tensors: Mapping[str, Tensor], where: str) -> tuple[NetConfig, dict[
     Policy and critic may share it in SB3; here each has a copy, since ours share no dense layer.
     """
     if not any(name.startswith(("features_", "pi_features_")) for name in tensors):
-        raise CheckpointError(f"{where}: found images read without a camera network; {WORKS}")
+        raise CheckpointError(f"{where}: found images read without a camera network; {SUPPORTED}")
     if any(name.startswith("mlp_extractor.") for name in tensors):
         raise CheckpointError(
-            f"{where}: found dense layers (net_arch) behind the camera network; {WORKS} without"
+            f"{where}: found dense layers (net_arch) behind the camera network; {SUPPORTED} without"
         )
     own = any(name.startswith("pi_features_extractor.") for name in tensors)
     prefixes = {"policy": "pi_", "value": "vf_"} if own else {"policy": "", "value": ""}

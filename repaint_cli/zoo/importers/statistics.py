@@ -23,7 +23,7 @@ MAX_BYTES = 16 * 2**20
 CLIP, EPSILON = 10.0, 1e-8
 """The defaults of VecNormalize, and the constants of cleanrl's wrappers."""
 
-WAY_OUT = (
+ADVICE = (
     "give numbers instead: numpy.savez('stats.npz', mean=v.obs_rms.mean, var=v.obs_rms.var, "
     "clip_obs=v.clip_obs, epsilon=v.epsilon) and --vecnormalize stats.npz"
 )
@@ -60,7 +60,7 @@ def read_statistics(path: Path) -> Statistics | None:
         return _from_vecnormalize(read(data))
     except Refused as error:
         raise CheckpointError(
-            f"{path}: expected what VecNormalize.save writes, found {error}; {WAY_OUT}"
+            f"{path}: expected what VecNormalize.save writes, found {error}; {ADVICE}"
         ) from error
 
 

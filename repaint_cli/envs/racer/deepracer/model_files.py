@@ -16,8 +16,8 @@ CAMERAS = {
     "LEFT_CAMERA": "camera",
     "STEREO_CAMERAS": "stereo",
 }
-SENSORS = {frozenset({name}): ours for name, ours in CAMERAS.items()} | {
-    frozenset({name, "LIDAR"}): f"{ours}+lidar" for name, ours in CAMERAS.items()
+SENSORS = {frozenset({name}): camera for name, camera in CAMERAS.items()} | {
+    frozenset({name, "LIDAR"}): f"{camera}+lidar" for name, camera in CAMERAS.items()
 }
 """What a car may carry, and what we call it."""
 
@@ -30,32 +30,32 @@ PPO_NAMES = {
     "num_episodes_between_training": "n_episodes",
     "num_epochs": "n_epochs",
 }
-"""DeepRacer's hyper-parameters that mean what one of ours does."""
+"""DeepRacer's hyper-parameters, and the fields of `PPOConfig` that mean the same."""
 
 OTHER_NAMES = {
     "e_greedy_value", "epsilon_steps", "exploration_type", "loss_type", "sac_alpha", "stack_size",
     "term_cond_avg_score", "term_cond_max_episodes",
 }  # fmt: skip
-"""Those that say how others explore, see, or when they stop; they are left out."""
+"""Those about exploration, stacked images and the end of training; they are left out."""
 
 
 def read_hyperparameters(path: Path) -> dict[str, Any]:
     """Return the [ppo] settings that a `hyperparameters.json` stands for.
 
     Raises:
-        CardError: it cannot be read, or has a key that is not DeepRacer's.
+        CardError: the file cannot be read, or has a key that is not DeepRacer's.
     """
     data = _read_object(path)
     unknown = sorted(data.keys() - PPO_NAMES.keys() - OTHER_NAMES)
     if unknown:
         known = ", ".join(sorted({*PPO_NAMES, *OTHER_NAMES}))
         raise CardError(f"{path}: unknown key '{unknown[0]:.60}'; DeepRacer's are {known}")
-    return {ours: _number(data[theirs]) for theirs, ours in PPO_NAMES.items() if theirs in data}
+    return {field: _number(data[name]) for name, field in PPO_NAMES.items() if name in data}
 
 
 def hyperparameters(ppo: PPOConfig) -> dict[str, Any]:
     """Return [ppo] settings as DeepRacer's `hyperparameters.json` has them."""
-    named = {theirs: getattr(ppo, ours) for theirs, ours in PPO_NAMES.items()}
+    named = {name: getattr(ppo, field) for name, field in PPO_NAMES.items()}
     if ppo.n_episodes is None:
         del named["num_episodes_between_training"]
     else:
@@ -77,7 +77,7 @@ def read_model_metadata(path: Path) -> dict[str, Any]:
     """Return the [env] settings that a `model_metadata.json` stands for: actions and sensors.
 
     Raises:
-        CardError: it cannot be read, or asks for what the racer has not.
+        CardError: the file cannot be read, or asks for actions or sensors that the racer lacks.
     """
     data = _read_object(path)
     return {"actions": _actions(path, data.get("action_space")), "sensors": _sensors(path, data)}

@@ -22,13 +22,13 @@ from repaint_cli.envs.racer.track.track import Track
 
 
 @dataclass(frozen=True)
-class Moment:
+class CarState:
     """One car after a step, with its bots."""
 
     road: Track
-    """In the direction it is driven."""
+    """The track, in the direction that the car drives it."""
     is_reversed: bool
-    """Whether that is the other way."""
+    """Whether that is the reverse direction."""
     front: Floats
     """The front point, (2,), m."""
     yaw: float
@@ -53,33 +53,33 @@ class Moment:
     """`encounters.meet`'s answer, (6,)."""
 
 
-def params_of(now: Moment) -> dict[str, Any]:
+def params_of(car: CarState) -> dict[str, Any]:
     """Return all 27 keys; lengths in m, angles in degrees but for `objects_heading`, in radians."""
-    road, m = now.road, now.measures
+    road, m = car.road, car.measures
     along = float(m[NDIST]) * road.length
     inner_is_left = road.ccw
     wheels = int(m[WHEELS_ON])
     return {
         "all_wheels_on_track": wheels == 4,
-        "x": float(now.front[0]),
-        "y": float(now.front[1]),
-        "heading": float(np.rad2deg(now.yaw)),
+        "x": float(car.front[0]),
+        "y": float(car.front[1]),
+        "heading": float(np.rad2deg(car.yaw)),
         "distance_from_center": float(m[CENTRE_GAP]),
         "projection_distance": along,
-        "progress": float(now.progress),
-        "steps": float(now.steps),
-        "speed": float(now.command[1]),
-        "steering_angle": round(float(np.rad2deg(now.command[0])), 9),  # 15.0, as listed
+        "progress": float(car.progress),
+        "steps": float(car.steps),
+        "speed": float(car.command[1]),
+        "steering_angle": round(float(np.rad2deg(car.command[0])), 9),  # 15.0, as listed
         "track_width": float(m[ROAD_WIDTH]),
         "track_length": road.length,
         "waypoints": list(_waypoints(road)),
         "closest_waypoints": closest_waypoints(road, along),
         "is_left_of_center": bool(m[INNER_GAP] < m[OUTER_GAP]) == inner_is_left,
-        "is_reversed": now.is_reversed,
-        "is_crashed": now.crashed,
+        "is_reversed": car.is_reversed,
+        "is_crashed": car.crashed,
         "is_offtrack": wheels == 0,
-        "sim_time": now.seconds,
-    } | _objects(now, along, inner_is_left)
+        "sim_time": car.seconds,
+    } | _objects(car, along, inner_is_left)
 
 
 def closest_waypoints(road: Track, along: float) -> list[int]:
@@ -93,20 +93,20 @@ def _waypoints(road: Track) -> tuple[tuple[float, float], ...]:
     return tuple((x, y) for x, y in road.centre.tolist())
 
 
-def _objects(now: Moment, along: float, inner_is_left: bool) -> dict[str, Any]:
+def _objects(car: CarState, along: float, inner_is_left: bool) -> dict[str, Any]:
     """Return the keys about bots, which stand in the order they were placed in."""
-    poses, length = now.poses, now.road.length
-    ahead = np.mod(now.bots_along - along, length)
+    poses, length = car.poses, car.road.length
+    ahead = np.mod(car.bots_along - along, length)
     closest = [int(ahead.argmax()), int(ahead.argmin())] if len(poses) else [0, 0]
-    places = now.road.pose_at(now.bots_along / length)[0] if len(poses) else np.empty((0, 2))
+    places = car.road.pose_at(car.bots_along / length)[0] if len(poses) else np.empty((0, 2))
     gaps = np.hypot(poses[:, X] - places[:, 0], poses[:, Y] - places[:, 1])
     return {
         "closest_objects": closest,
         "objects_location": poses[:, [X, Y]].tolist(),
         "objects_left_of_center": [bool(side > 0) == inner_is_left for side in poses[:, SIDE]],
-        "object_in_camera": len(poses) > 0 and bool(now.encounter[NEXT_SEEN]),
+        "object_in_camera": len(poses) > 0 and bool(car.encounter[NEXT_SEEN]),
         "objects_speed": [BOT_SPEED] * len(poses),
         "objects_heading": poses[:, YAW].tolist(),
-        "objects_distance": now.bots_along.tolist(),
+        "objects_distance": car.bots_along.tolist(),
         "objects_distance_from_center": gaps.tolist(),
     }

@@ -30,7 +30,7 @@ class RewardFunction:
             source: its text.
 
         Raises:
-            CardError: it does not run, or has no `reward_function(params)`.
+            CardError: the module does not run, or has no `reward_function(params)`.
         """
         self._name = name
         module: dict[str, Any] = {"__name__": "reward_function", "__file__": name}
@@ -55,7 +55,7 @@ class RewardFunction:
         """Return what it pays environment `row` for a step.
 
         Raises:
-            CardError: it failed, or paid something that is no number within ±100,000.
+            CardError: the function failed, or paid something that is no number within ±100,000.
         """
         step = f"at step {params['steps']:.0f} of environment {row}"
         try:
@@ -99,7 +99,7 @@ class RewardFile(VectorWrapper):
         return self.env.reset(**kwargs)
 
     def step(self, actions: Any) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
-        """Drive every car, and ask what its step is worth.
+        """Drive every car for a step, and let the function pay it.
 
         Raises:
             CardError: the function failed, or paid something that is no number within ±100,000.

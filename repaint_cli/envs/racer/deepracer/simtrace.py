@@ -8,11 +8,7 @@ model/model_metadata.json  ip/hyperparameters.json  reward_function.py
 
 import csv
 import io
-import re
-from array import array
 from collections.abc import Iterator, Mapping, Sequence
-from itertools import groupby, islice
-from operator import itemgetter
 from pathlib import Path
 from time import time
 from typing import Any
@@ -21,14 +17,15 @@ import numpy as np
 
 from repaint_cli.envs.logs import LoggedRun
 from repaint_cli.envs.racer.deepracer.model_files import hyperparameters, model_metadata
+from repaint_cli.envs.racer.deepracer.simtrace_reader import TRAINING, training_files
 from repaint_cli.envs.racer.deepracer.traces import Trace
 from repaint_cli.envs.racer.deepracer.training_metrics import TrainingMetrics
 from repaint_cli.envs.racer.dynamics.car import STEP_SECONDS
 from repaint_cli.envs.racer.simulator import RacerSimulator
 from repaint_cli.envs.racer.track.files import load_track
-from repaint_cli.errors import CheckpointError, DamagedFile, StoreError, reported_as
+from repaint_cli.errors import DamagedFile, StoreError, reported_as
 from repaint_cli.files.atomic import as_json, write_errors, write_text
-from repaint_cli.files.limits import read_json, read_rows, read_text
+from repaint_cli.files.limits import read_json, read_text
 
 COLUMNS = (
     "episode", "steps", "X", "Y", "yaw", "steer", "throttle", "action", "reward", "done",
@@ -37,16 +34,7 @@ COLUMNS = (
 )  # fmt: skip
 """Of a simtrace, in DeepRacer's order."""
 
-NUMBERS = (
-    "X", "Y", "yaw", "steer", "throttle", "action", "reward", "progress", "closest_waypoint",
-    "obstacle_crash_counter",
-)  # fmt: skip
-"""Those of them that a trace is made of; older logs have no crashes."""
-
-MOST_EPISODES = 10_000
-"""In a file; each is many arrays."""
-
-TRAINING, METRICS = "training-simtrace", "metrics/TrainingMetrics.json"
+METRICS = "metrics/TrainingMetrics.json"
 
 START: Mapping[str, float] = {"clock": 0.0, "episodes": 0, "noted": 0}
 """How far a log is before anything was driven."""
@@ -84,18 +72,18 @@ class Simtrace:
         return {"clock": self._clock, "episodes": self._episodes, "noted": self._metrics.count}
 
     def go_back(self, k: int, position: Mapping[str, float]) -> None:
-        """Forget what was logged after iteration k, when the log was at `position`.
+        """Remove what was logged after iteration k, when the log was at `position`.
 
         Raises:
             CheckpointError: TrainingMetrics.json is damaged.
-        StoreError: a file cannot be changed.
+            StoreError: a file cannot be changed.
         """
         position = {**START, **position}
         self._metrics.cut(int(position["noted"]))
         self._noted, self._clock = [], position["clock"]
         self._episodes = int(position["episodes"])
-        for file in (self.folder / TRAINING).glob("*-iteration.csv"):
-            if _ITERATION(file.name) and int(file.name.partition("-")[0]) >= k:
+        for iteration, file in training_files(self.folder):
+            if iteration > k:
                 with write_errors(file):
                     file.unlink()
 
@@ -212,56 +200,3 @@ class Simtrace:
         if self._noted:
             self._metrics.append(self._noted)
         self._noted = []
-
-
-def read_training(folder: Path) -> Iterator[tuple[int, list[Trace]]]:
-    """Yield the training episodes of a log folder by iteration, k from 1, in order."""
-    files = [path for path in folder.glob(f"{TRAINING}/*-iteration.csv") if _ITERATION(path.name)]
-    for path in sorted(files, key=lambda file: int(file.name.partition("-")[0])):
-        yield int(path.name.partition("-")[0]) + 1, read_simtrace(path)
-
-
-_ITERATION = re.compile(r"[0-9]{1,9}-iteration\.csv").fullmatch
-
-
-def read_simtrace(path: Path) -> list[Trace]:
-    """Read a file of ours or of DeepRacer's.
-
-    Raises:
-        CheckpointError: it cannot be read, or holds something else.
-    """
-    needed = ("episode", "episode_status", *NUMBERS[:-1])
-    episodes = groupby(read_rows(path, needed), key=itemgetter("episode"))
-    try:
-        with reported_as(CheckpointError):
-            traces = [_trace(rows) for _, rows in islice(episodes, MOST_EPISODES + 1)]
-    except ValueError as error:
-        raise CheckpointError(f"{path} is damaged: {error!s:.200}") from error
-    if len(traces) > MOST_EPISODES:
-        raise CheckpointError(f"{path}: expected at most {MOST_EPISODES:,} episodes, found more")
-    return traces
-
-
-def _trace(rows: Iterator[dict[str, str]]) -> Trace:
-    """Return the trace of an episode; a log is long, so nothing but numbers is kept meanwhile."""
-    numbers, status = array("d"), ""
-    for row in rows:
-        numbers.extend(float(row.get(name) or 0) for name in NUMBERS)
-        numbers.append(row.get("all_wheels_on_track") == "True")
-        status = row["episode_status"]
-    table = np.frombuffer(numbers).reshape(-1, len(NUMBERS) + 1)
-    if (
-        not -(2**53) < table.min() <= table.max() < 2**53
-    ):  # nan neither; some of them count something
-        raise ValueError("expected numbers within 2^53")
-    whole = dict(zip((*NUMBERS, "on"), table.T, strict=True))
-    return Trace(
-        **{name.lower(): whole[name] for name in ("X", "Y", "yaw", "steer", "throttle")},
-        action=whole["action"].astype(int),
-        reward=whole["reward"],
-        all_wheels_on_track=whole["on"] == 1,
-        progress=whole["progress"],
-        closest_waypoint=whole["closest_waypoint"].astype(int),
-        crashes=whole["obstacle_crash_counter"].astype(int),
-        status=status,
-    )

@@ -140,21 +140,11 @@ def side_at(goal: float, changed: float) -> float:
 
 @kernel
 def drive_bots(
-    rows: np.ndarray,
-    seconds: float,
-    centre: np.ndarray,
-    distances: np.ndarray,
-    inner: np.ndarray,
-    outer: np.ndarray,
-    along: np.ndarray,
-    goals: np.ndarray,
-    changed: np.ndarray,
-    waits: np.ndarray,
-    waiting: np.ndarray,
-    turns: np.ndarray,
-    paused: np.ndarray,
-    poses: np.ndarray,
-) -> None:
+    rows: np.ndarray, seconds: float, centre: np.ndarray, distances: np.ndarray,
+    inner: np.ndarray, outer: np.ndarray, along: np.ndarray, goals: np.ndarray,
+    changed: np.ndarray, waits: np.ndarray, waiting: np.ndarray, turns: np.ndarray,
+    paused: np.ndarray, poses: np.ndarray,
+) -> None:  # fmt: skip
     """Move the bots of some cars, in place; `rows` (K,) are row numbers of the `Bots` arrays."""
     for row in rows:
         moving = max(seconds - paused[row], 0.0)

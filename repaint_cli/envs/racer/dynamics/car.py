@@ -85,13 +85,8 @@ def drive(
         κ = κ_max·tanh(tan δ / (L·κ_max))   ψ̇ = v·κ
         ẋ = v·(cos ψ − l_r·κ·sin ψ)         ẏ = v·(sin ψ + l_r·κ·cos ψ)
 
-    Args:
-        state: X, Y, YAW, SPEED, STEERING, (5,).
-        before: the previous step's steering and speed command, (2,); in force until the car's delay
-            is over.
-        command: this step's, (2,).
-        car: `CarProfile.constants()`, (6,).
-        seconds: length of the step, s.
+    The state is X, Y, YAW, SPEED, STEERING, (5,). A command is δ_cmd and u, (2,); the previous one
+    is in force until the delay is over. The car is `CarProfile.constants()`, (6,); seconds in s.
     """
     speed_lag, acceleration_limit, steering_lag = car[0], car[1], car[2]
     wheelbase, curvature_limit, delay = car[3], car[4], car[5]

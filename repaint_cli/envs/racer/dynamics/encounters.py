@@ -82,20 +82,13 @@ def body_in_view(state: np.ndarray, lens: np.ndarray, box: np.ndarray, corners: 
 
 @kernel
 def meet(
-    rows: np.ndarray,
-    states: np.ndarray,
-    along: np.ndarray,
-    length: float,
-    poses: np.ndarray,
-    bots_along: np.ndarray,
-    lens: np.ndarray,
-    out: np.ndarray,
-) -> None:
+    rows: np.ndarray, states: np.ndarray, along: np.ndarray, length: float, poses: np.ndarray,
+    bots_along: np.ndarray, lens: np.ndarray, out: np.ndarray,
+) -> None:  # fmt: skip
     """Measure the encounters of some cars with their bots.
 
-    A car hits a bot when one of its corners is inside the bot's body; it is at fault when the bot
-    is ahead of it on the track, by less than half a lap. The next bot is the first one ahead; it
-    is seen when its middle or a corner is in the picture.
+    A car hits a bot when one of its corners is inside the bot's body, and is at fault when that bot
+    is less than half a lap ahead. The next bot is the first ahead, seen if `body_in_view`.
 
     Args:
         rows: which cars, (K,).
@@ -105,8 +98,8 @@ def meet(
         poses: `Bots.poses`, (N, B, 4).
         bots_along: `Bots.along`, (N, B), m.
         lens: `camera.lens()`, (6,).
-        out: filled with the distance to the nearest bot (m), the number of hazards, the number of
-            bots hit, whether the car is at fault, which bot is next and whether it is seen, (N, 6).
+        out: filled with DISTANCE to the nearest bot (m), number of HAZARDS and of bots HIT,
+            AT_FAULT, which bot is NEXT, and NEXT_SEEN, (N, 6).
     """
     corners, ahead = np.empty((4, 2)), np.empty(poses.shape[1])
     for row in rows:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from repaint_cli.envs.racer.deepracer.params import Moment, params_of
+from repaint_cli.envs.racer.deepracer.params import CarState, params_of
 from repaint_cli.envs.racer.dynamics.bots import SIDE, Bots
 from repaint_cli.envs.racer.dynamics.car import (
     CAR_POINTS,
@@ -192,7 +192,7 @@ class Fleet:
         """Return DeepRacer's `params` of one car's current state."""
         bots = self.bots
         return params_of(
-            Moment(
+            CarState(
                 road=self._directions.road_of(row),
                 is_reversed=bool(self._directions.reverse[row]),
                 front=self._fronts[row],

@@ -114,15 +114,9 @@ def _ground_span(
 
 @kernel
 def render(
-    state: np.ndarray,
-    eye_offset: float,
-    table: np.ndarray,
-    levels: tuple[np.ndarray, ...],
-    origin: np.ndarray,
-    field: np.ndarray,
-    walls: np.ndarray,
-    image: np.ndarray,
-) -> None:
+    state: np.ndarray, eye_offset: float, table: np.ndarray, levels: tuple[np.ndarray, ...],
+    origin: np.ndarray, field: np.ndarray, walls: np.ndarray, image: np.ndarray,
+) -> None:  # fmt: skip
     """Draw the camera image of one car.
 
     Args:

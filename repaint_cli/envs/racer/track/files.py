@@ -15,7 +15,7 @@ def load_track(name: str) -> Track:
 
     Raises:
         NotFound: there is no track of this name, or no such file.
-        CardError: the file holds no array of waypoints, or they are no track.
+        CardError: the file holds no array of waypoints, or the waypoints are no track.
     """
     path = Path(name)
     if path.suffix != ".npy":

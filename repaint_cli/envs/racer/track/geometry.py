@@ -79,16 +79,9 @@ def crosses_itself(line: np.ndarray) -> bool:
 
 @kernel
 def locate(
-    centre: np.ndarray,
-    distances: np.ndarray,
-    inner: np.ndarray,
-    outer: np.ndarray,
-    edge: np.ndarray,
-    hole: np.ndarray,
-    front: np.ndarray,
-    wheels: np.ndarray,
-    out: np.ndarray,
-) -> None:
+    centre: np.ndarray, distances: np.ndarray, inner: np.ndarray, outer: np.ndarray,
+    edge: np.ndarray, hole: np.ndarray, front: np.ndarray, wheels: np.ndarray, out: np.ndarray,
+) -> None:  # fmt: skip
     """Measure where one car stands on the road.
 
     The border distances are those of DeepRacer: from the front point to the border points that are

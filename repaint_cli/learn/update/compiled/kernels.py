@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from repaint_cli.kernels import loose_kernel
+from repaint_cli.kernels import fastmath_kernel
 
 
 class NetworkView(NamedTuple):
@@ -51,7 +51,7 @@ class PolicyData(NamedTuple):
     beta: float  # β_k, weight of the cross-entropy
 
 
-@loose_kernel
+@fastmath_kernel
 def tanh(x: np.float32) -> np.float32:
     """Return tanh x to 3·10⁻⁷ by Lambert's fraction at x/4, then twice tanh 2y = 2t/(1 + t²)."""
     f4 = np.float32
@@ -66,7 +66,7 @@ def tanh(x: np.float32) -> np.float32:
     return f4(2) * t / (f4(1) + t * t)
 
 
-@loose_kernel
+@fastmath_kernel
 def forward(x: np.ndarray, network: NetworkView) -> None:
     """Fill the outputs of each layer, tanh(x·W + b), the head's without tanh; x is (b, O)."""
     head = len(network.weights) - 1
@@ -83,7 +83,7 @@ def forward(x: np.ndarray, network: NetworkView) -> None:
         x = out
 
 
-@loose_kernel
+@fastmath_kernel
 def backward(x: np.ndarray, network: NetworkView) -> None:
     """Fill the gradients from the head's slopes ∂L/∂out; x is (b, O), as `forward` saw it."""
     for layer in range(len(network.weights) - 1, -1, -1):
@@ -103,7 +103,7 @@ def backward(x: np.ndarray, network: NetworkView) -> None:
                     under[i, j] *= np.float32(1) - below[i, j] * below[i, j]
 
 
-@loose_kernel
+@fastmath_kernel
 def adam(view: AdamView, step: int) -> None:
     """Take Adam's step number `step` (Kingma & Ba 2015, algorithm 1), β₁ = 0.9, β₂ = 0.999."""
     rate = np.float32(view.learning_rate / (1 - 0.9**step))
@@ -116,7 +116,7 @@ def adam(view: AdamView, step: int) -> None:
         view.parameters[i] -= rate * view.first[i] / spread
 
 
-@loose_kernel
+@fastmath_kernel
 def surrogate(log_prob: float, row: int, data: PolicyData, metrics: np.ndarray) -> float:
     """Return ∂/∂log π of −min(ρA, clip(ρ)·A) at a sample, and add to the minibatch's metrics."""
     log_ratio, advantage = log_prob - data.behavior_log_probs[row], data.advantages[row]
@@ -129,7 +129,7 @@ def surrogate(log_prob: float, row: int, data: PolicyData, metrics: np.ndarray) 
     return -ratio * advantage if ratio * advantage <= clipped else 0.0
 
 
-@loose_kernel
+@fastmath_kernel
 def gaussian_head(
     means: np.ndarray, log_std: np.ndarray, rows: np.ndarray, data: PolicyData,
     slopes: np.ndarray, log_std_gradient: np.ndarray, metrics: np.ndarray,
@@ -158,7 +158,7 @@ def gaussian_head(
             log_std_gradient[d] += (pull * (z * z - 1) + data.beta * (1 - spread)) / n
 
 
-@loose_kernel
+@fastmath_kernel
 def categorical_head(
     logits: np.ndarray, rows: np.ndarray, data: PolicyData, slopes: np.ndarray, metrics: np.ndarray
 ) -> None:
@@ -186,7 +186,7 @@ def categorical_head(
             slopes[i, j] = (slope + data.ent_coef * prob * (log_pi + entropy)) / n
 
 
-@loose_kernel
+@fastmath_kernel
 def gathered(obs: np.ndarray, rows: np.ndarray, network: NetworkView) -> np.ndarray:
     """Return the minibatch's observations, (b, O), copied into the workspace; obs is (n, O)."""
     for i in range(len(rows)):
@@ -194,7 +194,7 @@ def gathered(obs: np.ndarray, rows: np.ndarray, network: NetworkView) -> np.ndar
     return network.inputs[: len(rows)]
 
 
-@loose_kernel
+@fastmath_kernel
 def learn_policy(
     network: NetworkView, view: AdamView, log_std: np.ndarray, log_std_gradient: np.ndarray,
     obs: np.ndarray, orders: np.ndarray, data: PolicyData, metrics: np.ndarray,
@@ -224,7 +224,7 @@ def learn_policy(
     return step
 
 
-@loose_kernel
+@fastmath_kernel
 def learn_value(
     network: NetworkView, view: AdamView, obs: np.ndarray, orders: np.ndarray,
     returns: np.ndarray, vf_coef: float, metrics: np.ndarray,

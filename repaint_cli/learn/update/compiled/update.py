@@ -175,10 +175,10 @@ def _means(metrics: np.ndarray, steps: np.ndarray) -> dict[str, np.ndarray]:
     Raises:
         DivergedError: a loss is not finite.
     """
-    lost = ~np.isfinite(metrics)
-    lost[..., 3:6] = False  # diagnostics, no parts of a loss
-    if lost.any():
-        s, step, column = np.argwhere(lost)[0]
+    diverged = ~np.isfinite(metrics)
+    diverged[..., 3:6] = False  # diagnostics, no parts of a loss
+    if diverged.any():
+        s, step, column = np.argwhere(diverged)[0]
         raise DivergedError.of_loss(METRICS[column], metrics[s, step, column], int(s))
     with np.errstate(invalid="ignore", over="ignore"):
         means = (metrics.sum(1) / steps[:, None]).astype(np.float32)  # (S, 7)

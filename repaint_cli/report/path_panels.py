@@ -1,4 +1,4 @@
-"""PathPanel of evaluated episodes, a panel an evaluation: what such figures have in common. Metres.
+"""Figures of evaluated episodes' paths, a panel an evaluation: what they have in common. Metres.
 
 **E** episodes · **T** steps.
 """
@@ -90,13 +90,13 @@ def frame(axes: Axes, label: str, low: Floats, high: Floats) -> None:
 
 def scale_of(panels: Sequence[PathPanel]) -> tuple[Normalize, str]:
     """Return one scale for all panels, without the outer 2 % of many values, and what overflows."""
-    known = [np.ravel(paths.values) for paths in panels if paths.values is not None]
+    known = [np.ravel(panel.values) for panel in panels if panel.values is not None]
     values = np.concatenate([*known, np.empty(0)])
     values = values[np.isfinite(values)]
     if len(values) == 0:
         return Normalize(0, 1), "neither"
-    most = [2, 98] if len(np.unique(values)) > FEW_VALUES else [0, 100]
-    low, high = (float(end) for end in np.percentile(values, most))
+    bounds = [2, 98] if len(np.unique(values)) > FEW_VALUES else [0, 100]
+    low, high = (float(end) for end in np.percentile(values, bounds))
     least = LEAST_SPAN * max(abs(low), abs(high)) or 1.0
     if high - low < least:
         low, high = low - least / 2, high + least / 2

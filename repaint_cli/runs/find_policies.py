@@ -1,0 +1,128 @@
+"""The policies to evaluate, a run's or a teacher's, and the task to evaluate them in."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from repaint_cli.errors import CardError, TeacherMismatch
+from repaint_cli.learn.evaluation import spaces_of
+from repaint_cli.policies import weights
+from repaint_cli.policies.networks import ActorCritic
+from repaint_cli.provenance import stamp
+from repaint_cli.runs.checkpoint import NETWORKS, load_networks
+from repaint_cli.runs.folder import RunFolder
+from repaint_cli.runs.reader import FinishedRun, newest_run, read_run
+from repaint_cli.tasks import trust
+from repaint_cli.tasks.card import TaskCard
+from repaint_cli.zoo import store
+from repaint_cli.zoo.teacher_card import TeacherCard
+
+ROOT = Path("runs")
+"""Where evaluations are written that belong to no run."""
+
+
+@dataclass(frozen=True)
+class Policies:
+    """S policies to evaluate."""
+
+    name: str
+    """Of a run or a teacher, for people."""
+    network: ActorCritic
+    """The policies."""
+    seeds: list[int]
+    """Their run seeds, (S,)."""
+    card: TaskCard
+    """The task to evaluate them in."""
+    folder: Path
+    """Where to write the evaluation."""
+    teacher: TeacherCard | None = None
+    """The teacher, if it is one."""
+    run_folder: Path = ROOT
+    """The run's folder, if they are a run's."""
+
+
+def find_policies(policy: str | Path | None, card: TaskCard | None = None) -> Policies:
+    """Find a run's last policies by its folder, or a teacher's by its name or file.
+
+    Args:
+        policy: a run's folder, a teacher's name, or its file; the newest run where absent.
+        card: the task to play; the policies' own where absent.
+
+    Raises:
+        NotFound: there is no such run or teacher.
+        CheckpointError: the file is damaged.
+        TeacherMismatch: the policies do not fit the task.
+        CardError: the task would run code that a teacher's file brings along.
+    """
+    folder = newest_run(ROOT) if policy is None else Path(policy)
+    is_run = RunFolder(folder).is_run()
+    if policy is None or is_run or (folder.is_dir() and str(policy) not in store.teachers()):
+        return _of_run(read_run(folder), card)
+    return _of_teacher(str(policy), card)
+
+
+def _of_run(run: FinishedRun, card: TaskCard | None) -> Policies:
+    network = last_policies(run)
+    if card and spaces_of(card) != network.spaces:
+        raise TeacherMismatch(
+            f"the policies in {run.folder} have {network.spaces}, "
+            f"task '{card.name}' has {spaces_of(card)}"
+        )
+    name = f"{run.task.name} · {run.label} · iteration {run.returns.shape[1]}"
+    return Policies(name, network, run.seeds, card or run.task, run.folder, run_folder=run.folder)
+
+
+def _of_teacher(name: str, card: TaskCard | None) -> Policies:
+    network, teacher = store.load_teacher(store.find(name))
+    if card:
+        store.check_fits([teacher], card, spaces_of(card))
+    code = teacher.task.code_at_risk()
+    if code and not card:
+        raise CardError(
+            f"'{teacher.name}' was trained with {code}, which is never run from a teacher's file; "
+            "name the task: --task my-task.toml"
+        )
+    target = card or teacher.task
+    title = teacher.name if target == teacher.task else f"{teacher.name} on {target.name}"
+    folder = ROOT / target.name / f"eval-{teacher.name}-{stamp()}"
+    return Policies(title, network, [teacher.seed], target, folder, teacher)
+
+
+def last_policies(run: FinishedRun) -> ActorCritic:
+    """Return a run's last policies.
+
+    Raises:
+        CardError: the run brings along code that is not trusted.
+        CheckpointError: its checkpoint is damaged.
+    """
+    trust.check(run.task, run.folder)
+    path, like, seeds = run.files.checkpoint, (spaces_of(run.task), run.task.net), len(run.seeds)
+    weights.check_networks(path, *like, seeds, str(path), NETWORKS)
+    network = ActorCritic(*like, seeds)
+    load_networks(path, network)
+    return network
+
+
+def with_settings(policies: Policies, options: Sequence[str], settings: Sequence[str]) -> Policies:
+    """Return the policies with other settings of their task.
+
+    Args:
+        policies: which.
+        options: settings of the evaluation, as `section.key=value`.
+        settings: others, which make it an evaluation of its own, in a folder of its own.
+
+    Raises:
+        CardError: a setting is out of range.
+        TeacherMismatch: the policies do not fit the task any more.
+    """
+    card = policies.card.with_settings([*options, *settings])
+    if settings:
+        if spaces_of(card) != policies.network.spaces:
+            raise TeacherMismatch(
+                f"the policies have {policies.network.spaces}, the task so set has "
+                f"{spaces_of(card)}"
+            )
+        name = f"{policies.name} · {', '.join(settings)}"
+        folder = ROOT / card.name / f"eval-set-{stamp()}"
+        policies = replace(policies, name=name, folder=folder)
+    return replace(policies, card=card.model_copy(update={"env": card.env.for_film()}))

@@ -1,0 +1,65 @@
+"""The examples of CONTRIBUTING's "How to add": a selection rule, a method, a figure.
+
+Those of a simulator and a course are tests/test_new_simulator.py and tests/test_course.py.
+"""
+
+import numpy as np
+from small_learners import course_for, learner_of, stranger, taught_by
+from small_runs import add_teacher
+from small_tasks import reach
+
+import repaint_cli as repaint
+from repaint_cli.learn.ppo import train
+from repaint_cli.learn.transfer.selection import KEEPING_RULES
+from repaint_cli.report import style
+from repaint_cli.runs import figures
+from repaint_cli.tasks.methods import ALGORITHMS, METHODS, Method
+
+QUICK = ["ppo.n_steps=204", "ppo.n_envs=4", "ppo.n_epochs=1", "eval.episodes=2"]
+
+
+def test_a_selection_rule_is_a_function_and_a_line(monkeypatch):
+    """Keep the better half, and give the rule a name in settings.SelectConfig."""
+
+    def better_half(samples, config, threshold):
+        return samples.advantages >= samples.advantages.median(1, keepdim=True).values
+
+    monkeypatch.setitem(KEEPING_RULES, "half", better_half)
+    card = reach(n_iterations=2)
+    select = card.select.model_copy(update={"rule": "half"})
+    card = card.model_copy(update={"select": select})
+    learner = learner_of(card, [0])
+    _, instance = train(card, learner, course_for(card, learner, taught_by(stranger(card))))
+    assert instance.phase == "instance"
+    assert 0.5 <= instance.metrics["kept_fraction"][0] < 0.52
+
+
+def test_a_method_is_a_row(home, monkeypatch):
+    """Start from the teacher's weights and be advised by it, which no method of the paper does."""
+    method = Method("warm-start with advice", warm_start=True, kickstart=True)
+    monkeypatch.setitem(METHODS, "advised-start", method)
+    monkeypatch.setitem(ALGORITHMS, "ppo", (*ALGORITHMS["ppo"], "advised-start"))
+    add_teacher(home / "home" / "zoo")
+    trained = repaint.transfer(
+        "reacher", ["old-hand"], method="advised-start", iterations=1, settings=QUICK
+    )
+    assert trained.run.label == "advised-start from old-hand"
+    assert trained.run.rows["kickstart_coef"].tolist() == [[0.2]]
+
+
+def test_a_figure_is_a_function_and_a_line(home, monkeypatch):
+    """Draw environment steps over iterations beside a run's other figures."""
+
+    def draw_steps(run):
+        figure = style.new_figure(5, 3)
+        style.headline(figure, run.task.name)
+        axes = figure.subplots()
+        axes.plot(np.arange(1, run.returns.shape[1] + 1), run.rows["env_steps"].T)
+        axes.set(xlabel="iteration", ylabel="environment steps")
+        style.save(figure, run.folder / "steps.png")
+        return [run.folder / "steps.png"]
+
+    monkeypatch.setattr(figures, "RUN_FIGURES", (*figures.RUN_FIGURES, draw_steps))
+    trained = repaint.transfer("reacher", method="scratch", iterations=1, settings=QUICK)
+    assert trained.run.folder / "steps.png" in trained.written
+    assert (trained.run.folder / "steps.png").is_file()
