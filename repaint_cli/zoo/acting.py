@@ -1,5 +1,6 @@
 """A teacher that acts: observations in, actions out."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -7,6 +8,7 @@ from typing import Any
 import numpy as np
 import torch
 
+from repaint_cli.errors import TeacherMismatch
 from repaint_cli.policies.networks import ActorCritic
 from repaint_cli.zoo.store import load_teacher
 from repaint_cli.zoo.teacher_card import TeacherCard
@@ -41,19 +43,41 @@ class LoadedTeacher:
         Returns:
             Actions, (B, A) or (B,) numbers of discrete ones; without B for one observation. They
             are not clipped to the environment's bounds.
+
+        Raises:
+            TeacherMismatch: the observations are of other shapes.
         """
-        first = observations["camera"] if isinstance(observations, dict) else observations
-        single = np.ndim(first) == len(self.card.obs_shape)
-        if isinstance(observations, dict):
-            batch: Any = {name: _batch(part, single) for name, part in observations.items()}
-        else:
-            batch = _batch(observations, single)
+        named = isinstance(observations, Mapping)
+        arrays = {n: np.asarray(part) for n, part in observations.items()} if named else {}
+        arrays = arrays or {"": np.asarray(observations)}
+        single = self._is_single(arrays)
+        tensors = {name: _batch(array, single) for name, array in arrays.items()}
         with torch.no_grad():
-            actions: np.ndarray = self.network.policy(batch).mode()[0].numpy()
+            policy = self.network.policy(tensors if named else tensors[""])
+        actions: np.ndarray = policy.mode()[0].numpy()
         return actions[0] if single else actions
 
+    def _is_single(self, arrays: Mapping[str, np.ndarray]) -> bool:
+        """Return whether the arrays are one observation, (*O,), or a batch of them, (B, *O).
 
-def _batch(array: Any, single: bool) -> torch.Tensor:
+        Raises:
+            TeacherMismatch: they are neither.
+        """
+        shape, beams = self.card.obs_shape, self.card.n_beams
+        wanted = {"camera": shape, "lidar": (beams,)} if beams else {"": shape}
+        shapes = {name: array.shape for name, array in arrays.items()}
+        if shapes == wanted:
+            return True
+        sizes = {shape[:1] for shape in shapes.values()}
+        if {name: shape[1:] for name, shape in shapes.items()} != wanted or len(sizes) > 1:
+            listed = ", ".join(f"{name} {shape}".strip() for name, shape in shapes.items())
+            raise TeacherMismatch(
+                f"teacher '{self.card.name}' has {self.card.spaces}, found observations {listed}"
+            )
+        return False
+
+
+def _batch(array: np.ndarray, single: bool) -> torch.Tensor:
     """Return observations with a seed axis, (1, B, *O), as networks read them."""
     tensor = torch.from_numpy(np.ascontiguousarray(array)[None])
     tensor = tensor[None] if single else tensor
