@@ -11,7 +11,7 @@ raises a `repaint_cli.errors.RepaintError` with a line that says what was wanted
 what to do. Importing this is quick: torch comes with the first call that needs it.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from repaint_cli.runs.compare import ComparedRuns, EvaluatedRun
     from repaint_cli.runs.evaluate import Evaluation
     from repaint_cli.tasks.card import TaskCard
+    from repaint_cli.tasks.reward_fit import Fit
     from repaint_cli.tasks.similarity import Similarities
     from repaint_cli.zoo.acting import LoadedTeacher
 
@@ -175,10 +176,11 @@ def evaluate(
     return evaluate_policy(policies, seed, for_film=for_film, log_folder=log_folder, colour=colour)
 
 
-def similarity(*names: str) -> "Similarities":
+def similarity(*names: str, on_fit: "Callable[[str, Fit], object] | None" = None) -> "Similarities":
     """Compare tasks by the cosine of their reward weights.
 
-    One task, card or teacher is compared with all shipped tasks; no name means all of those.
+    One task, card or teacher is compared with all shipped tasks; no name means all of those. A
+    reward function's weights are fitted; `on_fit` is called with its task's name and the fit.
     """
     from repaint_cli.tasks.card_files import shipped_tasks
     from repaint_cli.tasks.similarity import similarities_of
@@ -187,7 +189,7 @@ def similarity(*names: str) -> "Similarities":
     cards = [read_task_or_teacher(name) for name in names or shipped_tasks()]
     if len(cards) == 1:
         cards += [read_task_or_teacher(n) for n in shipped_tasks() if n != cards[0].name]
-    return similarities_of(cards)
+    return similarities_of(cards, on_fit)
 
 
 def train_methods(

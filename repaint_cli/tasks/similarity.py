@@ -1,6 +1,6 @@
 """How alike two tasks are, by the weights of their reward terms (paper, section 6)."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import hypot
 from typing import NamedTuple
@@ -89,13 +89,23 @@ class Similarities:
         return groups
 
 
-def similarities_of(cards: Sequence[TaskCard]) -> Similarities:
+def similarities_of(
+    cards: Sequence[TaskCard], on_fit: Callable[[str, Fit], object] | None = None
+) -> Similarities:
     """Compare tasks, with weights fitted in place of reward functions.
+
+    Args:
+        cards: the tasks.
+        on_fit: called with a task's name and what was fitted, before it is judged.
 
     Raises:
         CardError: a reward function is no weighted sum of the simulator's terms, or failed.
     """
-    fits = {card.name: fit(card) for card in cards if card.reward_code}
-    return Similarities(
-        [with_fitted_weights(c, fits[c.name]) if c.reward_code else c for c in cards], fits
-    )
+    tasks, fits = list(cards), dict[str, Fit]()
+    for i, card in enumerate(cards):
+        if card.reward_code:
+            fits[card.name] = fit(card)
+            if on_fit:
+                on_fit(card.name, fits[card.name])
+            tasks[i] = with_fitted_weights(card, fits[card.name])
+    return Similarities(tasks, fits)
