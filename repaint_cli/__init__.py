@@ -2,18 +2,20 @@
 
     import repaint_cli as repaint
 
-    teacher = repaint.train("cartpole", iterations=3)
-    student = repaint.transfer("cartpole", ["cartpole"], iterations=3)
-    student.run.returns  # evaluated mean returns, (S, K): seeds, iterations
+    scratch = repaint.train("reacher", iterations=20, seeds=range(3))
+    student = repaint.transfer("reacher", ["reacher-gentle"], iterations=20, seeds=range(3))
+    student.run.returns  # mean return of each evaluation, (S, K): seeds, iterations
 
-What the commands do, as functions that return records of arrays and files and print nothing. Each
-raises a `repaint_cli.errors.RepaintError` with a line that says what was wanted, what was found and
-what to do. Importing this is quick: torch comes with the first call that needs it.
+The commands as functions, which return records of arrays and files, and print nothing. What goes
+wrong is a `repaint_cli.errors.RepaintError`; its text says what was expected and what was found.
+Importing this is quick: torch comes with the first call that needs it.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
+
+from repaint_cli.errors import UsageError
 
 if TYPE_CHECKING:
     from repaint_cli.runs.carry_out import TrainedRun, Watcher
@@ -26,11 +28,15 @@ if TYPE_CHECKING:
 
 __version__ = "0.2.0"
 
+Name: TypeAlias = str | Path
+AnyTask: TypeAlias = "Name | TaskCard"
+"""A task's name, the path of its card, or the card."""
 
-def load_task(name: "str | Path | TaskCard") -> "TaskCard":
+
+def load_task(name: AnyTask) -> "TaskCard":
     """Read a task's card: a shipped one by name, or your own by its path (`my-task.toml`).
 
-    `card.with_settings(["ppo.gamma=0.9"])` changes a setting of it.
+    `card.with_settings(["ppo.gamma=0.9"])` is the card with another setting.
     """
     from repaint_cli.tasks.card import TaskCard
     from repaint_cli.tasks.card_files import read_task
@@ -38,7 +44,7 @@ def load_task(name: "str | Path | TaskCard") -> "TaskCard":
     return name if isinstance(name, TaskCard) else read_task(str(name))
 
 
-def load_teacher(name: str | Path) -> "LoadedTeacher":
+def load_teacher(name: Name) -> "LoadedTeacher":
     """Load a teacher from the zoo by name, or from its file; `teacher.act(observations)` acts."""
     from repaint_cli.zoo.acting import LoadedTeacher
     from repaint_cli.zoo.store import find
@@ -47,15 +53,14 @@ def load_teacher(name: str | Path) -> "LoadedTeacher":
 
 
 def train(
-    task: "str | Path | TaskCard",
+    task: AnyTask,
     *,
     iterations: int | None = None,
     settings: Sequence[str] = (),
-    seeds: int = 1,
-    seed: int = 0,
+    seeds: Sequence[int] = (0,),
     name: str | None = None,
     replace: bool = False,
-    folder: Path | None = None,
+    folder: Name | None = None,
     keep: int = 1,
     tensorboard: bool = False,
     watcher: "Watcher | None" = None,
@@ -63,61 +68,61 @@ def train(
     """Train a teacher from scratch and put its best evaluated policy into the user's zoo.
 
     Args:
-        task: a task's name, a card's path, or a card.
+        task: a task's name, the path of a card, or a card.
         iterations: of training; the card's where absent.
         settings: of the card, as `section.key=value`.
-        seeds: how many to train side by side.
-        seed: the first of them; the others follow it.
+        seeds: the run seeds, (S,), trained side by side.
         name: of the teacher; the task's where absent.
         replace: whether it may replace a teacher of this name.
         folder: of the run; a new one below runs/ where absent.
         keep: how many checkpoints to keep.
         tensorboard: whether to write TensorBoard events, too.
-        watcher: who follows the training.
+        watcher: follows the training.
     """
     from repaint_cli.runs.carry_out import carry_out
-    from repaint_cli.runs.start import plan_teacher, seed_list
+    from repaint_cli.runs.start import plan_teacher
 
-    card = load_task(task).with_settings([*_iterations(iterations), *settings])
-    plan = plan_teacher(card, seed_list(seed, seeds), name, replace, folder, keep)
+    card = _card(task, settings, iterations)
+    plan = plan_teacher(card, seeds, name, replace, folder, keep)
     return carry_out(plan, watcher, tensorboard=tensorboard)
 
 
 def transfer(
-    task: "str | Path | TaskCard",
-    teachers: Sequence[str] = (),
+    task: AnyTask,
+    teachers: Sequence[Name] = (),
     *,
     method: str | None = None,
     algorithm: str = "ppo",
-    instances_from: Sequence[str] = (),
+    auto: bool = False,
+    instances_from: Sequence[Name] = (),
     iterations: int | None = None,
     settings: Sequence[str] = (),
-    seeds: int = 1,
-    seed: int = 0,
-    folder: Path | None = None,
+    seeds: Sequence[int] = (0,),
+    folder: Name | None = None,
     keep: int = 1,
     tensorboard: bool = False,
     watcher: "Watcher | None" = None,
 ) -> "TrainedRun":
     """Transfer teachers to a task, with REPAINT or with a method to compare it with.
 
-    `teachers` are names or files, none for the method `scratch`; `method` is a name in
-    `tasks.methods.METHODS`, the algorithm's default where absent; `algorithm` is "ppo" or
-    "q-learning"; `instances_from` names those teachers whose own samples are learned from, all
-    where empty. The rest is as in `train`.
+    `teachers` are names or files; `method` is a name in `tasks.methods.METHODS`, the default of the
+    algorithm, "ppo" or "q-learning", where absent; `auto` lets what is measured decide β, ζ, the
+    ratio and the end of the transfer; `instances_from` names those teachers whose own samples are
+    learned from, all where empty. The rest is as in `train`.
     """
     from repaint_cli.runs.carry_out import carry_out
-    from repaint_cli.runs.start import plan_transfer, seed_list
+    from repaint_cli.runs.start import plan_transfer
+    from repaint_cli.tasks.presets import automatic_settings
 
-    card = load_task(task).with_settings([*_iterations(iterations), *settings])
-    plan = plan_transfer(
-        card, teachers, seed_list(seed, seeds), method, algorithm, instances_from, folder, keep
-    )
+    measured = automatic_settings(algorithm, method) if auto else ()
+    card = _card(task, [*measured, *_listed(settings, "settings")], iterations)
+    named, acting = (_listed(names, "teachers") for names in (teachers, instances_from))
+    plan = plan_transfer(card, named, seeds, method, algorithm, acting, folder, keep)
     return carry_out(plan, watcher, tensorboard=tensorboard)
 
 
 def resume(
-    folder: str | Path,
+    folder: Name,
     *,
     iterations: int | None = None,
     name: str | None = None,
@@ -126,10 +131,9 @@ def resume(
     watcher: "Watcher | None" = None,
     for_teacher: bool | None = None,
 ) -> "TrainedRun":
-    """Go on with a run as it began, perhaps for more iterations: how many in all.
+    """Go on with a run as it began, to its end or for so many iterations in all.
 
-    `for_teacher` says whether it must be a run of `train` or of `transfer`; either where absent.
-    The rest is as in `train`.
+    `for_teacher` is True for a run of `train` alone, False for one of `transfer`. See `train`.
     """
     from repaint_cli.runs.carry_out import carry_out
     from repaint_cli.runs.start import plan_resume
@@ -139,104 +143,91 @@ def resume(
 
 
 def evaluate(
-    policy: str | Path | None = None,
+    policy: Name | None = None,
     *,
-    task: "str | Path | TaskCard | None" = None,
+    task: "AnyTask | None" = None,
     episodes: int | None = None,
     noise: str | None = None,
     settings: Sequence[str] = (),
     seed: int | None = None,
     for_film: bool = False,
-    log_folder: Path | None = None,
+    log_folder: Name | None = None,
     colour: str = "",
 ) -> "Evaluation":
     """Let a policy play with its most likely actions; write eval.json and a figure of its paths.
 
-    What is absent is the newest run's, the policy's or its card's own.
-
-    Args:
-        policy: a run's folder, a teacher's name, or its file.
-        task: to play.
-        episodes: how many.
-        noise: "none" or "paper", where the simulator has noise.
-        settings: of the card, as `section.key=value`.
-        seed: of the episodes.
-        for_film: whether to keep what `evaluation.film()` shows.
-        log_folder: where to log the episodes, where the simulator has a format of logs.
-        colour: what colours the paths.
+    `policy` is a run's folder, a teacher's name or its file, the newest run where absent; the task,
+    the episodes' number and seed are its own where absent. With `for_film` the evaluation keeps
+    what `evaluation.film()` shows. Some simulators have noise ("none" or "paper"), log episodes
+    into `log_folder`, or colour paths in several ways.
     """
     from repaint_cli.runs.evaluate import check_simulator, evaluate_policy
     from repaint_cli.runs.find_policies import find_policies, with_settings
 
     card = None if task is None else load_task(task)
-    named = {"eval.episodes": episodes, "eval.noise": noise}
-    options = [f"{key}={value}" for key, value in named.items() if value is not None]
-    policies = with_settings(find_policies(policy, card), options, settings)
-    check_simulator(policies.card, noise, log_folder, colour)
-    return evaluate_policy(policies, seed, for_film=for_film, log_folder=log_folder, colour=colour)
+    options = _given({"eval.episodes": episodes, "eval.noise": noise})
+    others = _listed(settings, "settings")
+    policies = with_settings(find_policies(policy, card), options, others)
+    logs = Path(log_folder) if log_folder else None
+    check_simulator(policies.card, noise, logs, colour)
+    return evaluate_policy(policies, seed, for_film=for_film, log_folder=logs, colour=colour)
 
 
-def similarity(*names: str, on_fit: "Callable[[str, Fit], object] | None" = None) -> "Similarities":
+def similarity(
+    *names: AnyTask, on_fit: "Callable[[str, Fit], object] | None" = None
+) -> "Similarities":
     """Compare tasks by the cosine of their reward weights.
 
-    One task, card or teacher is compared with all shipped tasks; no name means all of those. A
+    One task, card or teacher is compared with all shipped tasks; no name stands for all of those. A
     reward function's weights are fitted; `on_fit` is called with its task's name and the fit.
     """
-    from repaint_cli.tasks.card_files import shipped_tasks
     from repaint_cli.tasks.similarity import similarities_of
-    from repaint_cli.zoo.tasks import read_task_or_teacher
+    from repaint_cli.zoo.tasks import tasks_to_compare
 
-    cards = [read_task_or_teacher(name) for name in names or shipped_tasks()]
-    if len(cards) == 1:
-        cards += [read_task_or_teacher(n) for n in shipped_tasks() if n != cards[0].name]
-    return similarities_of(cards, on_fit)
+    return similarities_of(tasks_to_compare(names), on_fit)
 
 
 def train_methods(
-    task: "str | Path | TaskCard",
+    task: AnyTask,
     methods: Sequence[str],
-    teachers: Sequence[str] = (),
+    teachers: Sequence[Name] = (),
     seeds: Sequence[int] = (0, 1, 2),
     jobs: int = 1,
-) -> "Iterator[Path]":
+) -> Iterator[Path]:
     """Train several methods on the same seeds; yield the runs' folders as they finish.
 
-    Args:
-        task: a task's name, a card's path, or a card.
-        methods: names in `tasks.methods.METHODS`.
-        teachers: names or files of teachers, for those methods that use any.
-        seeds: the run seeds, (S,).
-        jobs: how many runs at a time, each in a process of its own.
+    `methods` are names in `tasks.methods.METHODS`, and `teachers` for those that use any; `jobs`
+    is how many runs train at a time, each in a process of its own.
     """
     from repaint_cli.runs.train_methods import plan_methods, train_plans
 
-    return train_plans(plan_methods(load_task(task), methods, teachers, list(seeds)), jobs)
+    names, sources = _listed(methods, "methods"), _listed(teachers, "teachers")
+    return train_plans(plan_methods(load_task(task), names, sources, seeds), jobs)
 
 
 def compare(
-    folders: Sequence[str | Path],
+    folders: Sequence[Name],
     *,
-    reference: str = "scratch",
+    reference: Name = "scratch",
     target: float | None = None,
-    picture: Path | None = None,
-    report: Path | None = None,
+    picture: Name | None = None,
+    report: Name | None = None,
 ) -> "ComparedRuns":
     """Compare runs of one task by returns, and by what they took to reach a target.
 
-    Args:
-        folders: of the runs.
-        reference: the run or method that the others are compared with.
-        target: the score to reach; the reference's best mean where absent.
-        picture: of the curves; compare.png where absent.
-        report: a folder for figures, tables and a page that explains them, in place of a picture.
+    `reference` is the run or method that others are compared with, `target` the score to reach, its
+    best mean where absent. The curves are drawn in `picture`, compare.png where absent; or, with
+    tables and a page that explains them, in the folder `report`.
     """
     from repaint_cli.runs.compare import compare_runs
 
-    return compare_runs([Path(f) for f in folders], reference, target, picture, report)
+    runs = [Path(folder) for folder in _listed(folders, "folders")]
+    files = [Path(name) if name else None for name in (picture, report)]
+    return compare_runs(runs, str(reference), target, *files)
 
 
 def play_runs(
-    folders: Sequence[str | Path], picture: Path = Path("compare-trajectories.png")
+    folders: Sequence[Name], picture: Name = "compare-trajectories.png"
 ) -> "list[EvaluatedRun]":
     """Let the last policies of runs play, and draw the first seeds' paths side by side.
 
@@ -244,8 +235,20 @@ def play_runs(
     """
     from repaint_cli.runs.compare import compare_paths
 
-    return compare_paths([Path(f) for f in folders], picture)
+    runs = [Path(folder) for folder in _listed(folders, "folders")]
+    return compare_paths(runs, Path(picture))
 
 
-def _iterations(n: int | None) -> list[str]:
-    return [] if n is None else [f"ppo.n_iterations={n}"]
+def _card(task: AnyTask, settings: Sequence[str], iterations: int | None) -> "TaskCard":
+    options = _given({"ppo.n_iterations": iterations})
+    return load_task(task).with_settings([*options, *_listed(settings, "settings")])
+
+
+def _given(settings: Mapping[str, object]) -> list[str]:
+    return [f"{key}={value}" for key, value in settings.items() if value is not None]
+
+
+def _listed(names: Sequence[Name], what: str) -> list[str]:
+    if isinstance(names, Name):
+        raise UsageError(f"expected a list of {what}, found '{names}' alone")
+    return [str(name) for name in names]

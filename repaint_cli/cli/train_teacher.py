@@ -59,6 +59,7 @@ def train_teacher(options: TrainTeacherOptions) -> None:
     """
     import repaint_cli
     from repaint_cli.cli.screen import Screen
+    from repaint_cli.runs.start import seed_list
 
     if options.resume:
         check_resume(options, options.context)
@@ -75,8 +76,7 @@ def train_teacher(options: TrainTeacherOptions) -> None:
     return Screen().run(
         repaint_cli.train,
         card,
-        seeds=options.seeds,
-        seed=options.seed,
+        seeds=seed_list(options.seed, options.seeds),
         name=options.name,
         replace=options.replace,
         folder=options.run,

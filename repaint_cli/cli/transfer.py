@@ -26,6 +26,7 @@ def transfer(options: TransferOptions) -> None:
     """
     import repaint_cli
     from repaint_cli.cli.screen import Screen
+    from repaint_cli.runs.start import seed_list
     from repaint_cli.tasks.methods import method_for
 
     if options.resume:
@@ -45,8 +46,7 @@ def transfer(options: TransferOptions) -> None:
         method=method,
         algorithm=algorithm,
         instances_from=options.instances_from or (),
-        seeds=options.seeds,
-        seed=options.seed,
+        seeds=seed_list(options.seed, options.seeds),
         folder=options.run,
         keep=options.keep,
         tensorboard=options.tensorboard,

@@ -29,9 +29,7 @@ from repaint_cli.cli.options import (
     option,
 )
 from repaint_cli.tasks.methods import METHODS
-
-UNTIL_MEASURED = 10**6
-"""K where the end of the transfer is measured."""
+from repaint_cli.tasks.presets import UNTIL_MEASURED
 
 METHOD_HELP = "; ".join(f"{name}: {method.summary}" for name, method in METHODS.items())
 

@@ -12,6 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import Colormap, LinearSegmentedColormap, to_hex, to_rgb
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 
 from repaint_cli.files.atomic import atomic_write
 
@@ -54,9 +55,6 @@ def ramp() -> Colormap:
     return LinearSegmentedColormap.from_list("repaint", stops)
 
 
-matplotlib.rcParams["text.parse_math"] = False  # names are drawn as they are, $ and all
-
-
 def new_figure(width: float, height: float) -> Figure:
     """Make an empty white figure of so many inches."""
     figure = Figure(figsize=(width, height), dpi=DPI, layout="constrained", facecolor="white")
@@ -91,12 +89,19 @@ def note(
     )
 
 
+def disable_mathtext(figure: Figure) -> None:
+    """Have names drawn as they are, $ and all, and not as formulas."""
+    for text in figure.findobj(Text):
+        text.set_parse_math(False)
+
+
 def save(figure: Figure, path: Path) -> None:
     """Write a figure as a PNG or SVG in one step; the same figure always gives the same bytes.
 
     Raises:
         StoreError: the file cannot be written; an earlier file of that name is as it was.
     """
+    disable_mathtext(figure)
     with atomic_write(path) as scratch:
         if path.suffix == ".svg":
             with matplotlib.rc_context({"svg.hashsalt": "repaint", "svg.fonttype": "none"}):

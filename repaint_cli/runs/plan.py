@@ -9,7 +9,7 @@ from typing import Any
 
 import torch
 
-from repaint_cli.errors import NotFound, TeacherMismatch
+from repaint_cli.errors import NotFound, TeacherMismatch, UsageError
 from repaint_cli.files.atomic import sha256
 from repaint_cli.learn import q_learning
 from repaint_cli.learn.evaluation import spaces_of
@@ -73,7 +73,10 @@ class Plan:
                 and the settings do not go together.
             TeacherMismatch: a teacher does not fit the task.
             CheckpointError: a teacher's file is damaged.
+            UsageError: no checkpoint would be kept.
         """
+        if self.keep < 1:
+            raise UsageError(f"expected at least 1 checkpoint to keep, found {self.keep}")
         task = self.target
         spaces = spaces_of(task)
         task.check_rollout()

@@ -19,35 +19,37 @@ from repaint_cli.zoo.teacher_card import check_name
 
 def plan_teacher(
     card: TaskCard,
-    seeds: list[int],
+    seeds: Sequence[int],
     name: str | None,
     replace: bool,
-    folder: Path | None,
+    folder: str | Path | None,
     keep: int,
 ) -> Plan:
     """Return the plan of a run that trains a teacher; see `repaint_cli.train`."""
+    numbers = checked_seeds(seeds)
     name = new_teacher_name(name or card.name, replace)
-    folder = new_folder(folder, card.name, "scratch")
-    return Plan(card, "scratch", seeds, folder, teacher_name=name, replace=replace, keep=keep)
+    place = new_folder(folder, card.name, "scratch")
+    return Plan(card, "scratch", numbers, place, teacher_name=name, replace=replace, keep=keep)
 
 
 def plan_transfer(
     card: TaskCard,
     teachers: Sequence[str],
-    seeds: list[int],
+    seeds: Sequence[int],
     method: str | None,
     algorithm: str,
     instances_from: Sequence[str],
-    folder: Path | None,
+    folder: str | Path | None,
     keep: int,
 ) -> Plan:
     """Return the plan of a transfer; see `repaint_cli.transfer`."""
+    numbers = checked_seeds(seeds)
     method = method_for(algorithm, method)
     paths = find_teachers(teachers, method)
     names = [algorithm] * (algorithm != "ppo") + [method, *(path.stem for path in paths)]
-    folder = new_folder(folder, card.name, "-".join(names))
+    place = new_folder(folder, card.name, "-".join(names))
     acting = find_acting(instances_from, paths)
-    return Plan(card, method, seeds, folder, paths, acting, algorithm, keep=keep)
+    return Plan(card, method, numbers, place, paths, acting, algorithm, keep=keep)
 
 
 def plan_resume(
@@ -105,13 +107,27 @@ def seed_list(first: int, how_many: int) -> list[int]:
     return list(range(first, first + how_many))
 
 
-def new_folder(folder: Path | None, task: str, what: str) -> Path:
+def checked_seeds(seeds: Sequence[int]) -> list[int]:
+    """Return the run seeds.
+
+    Raises:
+        UsageError: there is no seed, a negative one, or one twice.
+    """
+    if isinstance(seeds, int):
+        raise UsageError(f"expected a list of seeds, such as range({seeds}), found {seeds}")
+    numbers = [int(seed) for seed in seeds]
+    if not numbers or min(numbers) < 0 or len(set(numbers)) < len(numbers):
+        raise UsageError(f"expected seeds of at least 0, each once, found {numbers}")
+    return numbers
+
+
+def new_folder(folder: str | Path | None, task: str, what: str) -> Path:
     """Return the folder of a new run: the one asked for, or runs/<task>/<what>-<stamp>.
 
     Where a folder has that name already, a number is added.
     """
     if folder:
-        return folder
+        return Path(folder)
     first = Path("runs") / task / f"{what}-{stamp()}"
     others = (first.with_name(f"{first.name}-{n}") for n in count(2))
     return next(folder for folder in chain([first], others) if not folder.exists())

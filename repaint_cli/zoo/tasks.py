@@ -1,5 +1,8 @@
 """A task by name, be it a shipped task, a card of one's own, or the task of a teacher."""
 
+from collections.abc import Sequence
+from pathlib import Path
+
 from repaint_cli.errors import CardError, NotFound
 from repaint_cli.tasks.card import TaskCard
 from repaint_cli.tasks.card_files import read_task, shipped_tasks
@@ -29,3 +32,16 @@ def read_task_or_teacher(name: str) -> TaskCard:
         return card
     known = [*shipped_tasks(), *teachers]
     raise NotFound.named("task or teacher", name, known, "repaint tasks list, repaint zoo list")
+
+
+def tasks_to_compare(names: Sequence[str | Path | TaskCard]) -> list[TaskCard]:
+    """Return cards, read where they are named: one with all shipped tasks, or else all of those.
+
+    Raises:
+        As `read_task_or_teacher`.
+    """
+    named = names or list(shipped_tasks())
+    cards = [n if isinstance(n, TaskCard) else read_task_or_teacher(str(n)) for n in named]
+    if len(cards) == 1:
+        cards += [read_task_or_teacher(n) for n in shipped_tasks() if n != cards[0].name]
+    return cards

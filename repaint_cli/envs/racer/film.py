@@ -122,6 +122,7 @@ def _map(
     )
     bar.set_label("speed [m/s]", size=style.NOTE_SIZE, labelpad=1)
     bar.ax.tick_params(labelsize=style.NOTE_SIZE, length=2, pad=1)
+    style.disable_mathtext(figure)
     picture = BytesIO()
     figure.savefig(picture, dpi=100 * FINE)
     matrix = axes.transData.get_affine().get_matrix()
