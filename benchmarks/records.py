@@ -19,7 +19,8 @@ from time import perf_counter
 
 from turns import Measurements, Table, median, run, span
 
-from repaint_cli.envs.racer.deepracer.simtrace import METRICS, TRAINING, log_folders
+from repaint_cli.envs.racer.deepracer.simtrace import METRICS
+from repaint_cli.envs.racer.deepracer.simtrace_reader import TRAINING
 from repaint_cli.envs.racer.deepracer.training_metrics import TrainingMetrics
 from repaint_cli.runs.experiment import Experiment
 from repaint_cli.runs.metrics import Report, append_csv
@@ -77,8 +78,8 @@ def lengthen(experiment: Experiment, report: Report, n: int) -> None:
         os.link(files.evaluation(first), files.evaluation(k))
     alarms = [Alarm(iteration=k, kind="nothing-kept", text=100 * "x") for k in range(MOST_ALARMS)]
     experiment.record.add_alarms(alarms, files)
-    if experiment.plan.task.env.simulator == "racer":
-        for log in log_folders(experiment.plan.folder, experiment.plan.seeds):
+    if logs := experiment.plan.task.env.logs:
+        for log in logs.folders(experiment.plan.folder, experiment.plan.seeds):
             lengthen_log(log, first, n)
 
 

@@ -37,8 +37,8 @@ def relation(teacher: Task, target: Task) -> str:
     """Return the paper's verdict on a teacher's task for a target task (section 6).
 
     "similar" where the cosine is above 0, else "different"; and "sub-task" where the teacher's
-    weight is 0 on a term whose weight in the target is not. The last is directed: swap the two and
-    it may vanish.
+    weight is 0 on a term whose weight in the target is not. The last is directed: it may not
+    hold with the two exchanged.
     """
     similarity = cosine(teacher, target)
     if similarity is None:
@@ -80,7 +80,7 @@ class Similarities:
         return Similarity(teacher.name, target.name, value, relation(teacher, target))
 
     def groups(self) -> list[list[TaskCard]]:
-        """Return the tasks in groups whose weights compare."""
+        """Return the tasks in groups within which cosines exist."""
         groups, left = [], list(self.tasks)
         while left:
             first = left[0]
