@@ -11,7 +11,7 @@ wrong is a `repaint_cli.errors.RepaintError`; its text says what was expected an
 Importing this is quick: torch comes with the first call that needs it.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
@@ -22,8 +22,7 @@ if TYPE_CHECKING:
     from repaint_cli.runs.compare import ComparedRuns, EvaluatedRun
     from repaint_cli.runs.evaluate import Evaluation
     from repaint_cli.tasks.card import TaskCard
-    from repaint_cli.tasks.reward_fit import Fit
-    from repaint_cli.tasks.similarity import Similarities
+    from repaint_cli.tasks.similarity import OnFit, Similarities
     from repaint_cli.zoo.acting import LoadedTeacher
 
 __version__ = "0.2.0"
@@ -36,7 +35,7 @@ AnyTask: TypeAlias = "Name | TaskCard"
 def load_task(name: AnyTask) -> "TaskCard":
     """Read a task's card: a shipped one by name, or your own by its path (`my-task.toml`).
 
-    `card.with_settings(["ppo.gamma=0.9"])` is the card with another setting.
+    `card.with_settings(["ppo.gamma=0.9"])` has another setting.
     """
     from repaint_cli.tasks.card import TaskCard
     from repaint_cli.tasks.card_files import read_task
@@ -173,9 +172,7 @@ def evaluate(
     return evaluate_policy(policies, seed, for_film=for_film, log_folder=logs, colour=colour)
 
 
-def similarity(
-    *names: AnyTask, on_fit: "Callable[[str, Fit], object] | None" = None
-) -> "Similarities":
+def similarity(*names: AnyTask, on_fit: "OnFit | None" = None) -> "Similarities":
     """Compare tasks by the cosine of their reward weights.
 
     One task, card or teacher is compared with all shipped tasks; no name stands for all of those. A
@@ -229,10 +226,7 @@ def compare(
 def play_runs(
     folders: Sequence[Name], picture: Name = "compare-trajectories.png"
 ) -> "list[EvaluatedRun]":
-    """Let the last policies of runs play, and draw the first seeds' paths side by side.
-
-    The runs share a track, or an environment with paths.
-    """
+    """Let the last policies of runs on one track play, and draw their first seeds' paths."""
     from repaint_cli.runs.compare import compare_paths
 
     runs = [Path(folder) for folder in _listed(folders, "folders")]

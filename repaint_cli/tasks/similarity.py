@@ -37,14 +37,18 @@ def relation(teacher: Task, target: Task) -> str:
     """Return the paper's verdict on a teacher's task for a target task (section 6).
 
     "similar" where the cosine is above 0, else "different"; and "sub-task" where the teacher's
-    weight is 0 on a term whose weight in the target is not. The last is directed: swap the two and
-    it may vanish.
+    weight is 0 on a term whose weight in the target is not. The last is directed: it may not
+    hold with the two exchanged.
     """
     similarity = cosine(teacher, target)
     if similarity is None:
         return "not comparable"
     part = any(weight and not teacher.reward.get(name) for name, weight in target.reward.items())
     return ("similar" if similarity > 0 else "different") + (", sub-task" if part else "")
+
+
+OnFit = Callable[[str, Fit], object]
+"""Is called with a task's name and the weights that were fitted to its reward function."""
 
 
 class Similarity(NamedTuple):
@@ -80,7 +84,7 @@ class Similarities:
         return Similarity(teacher.name, target.name, value, relation(teacher, target))
 
     def groups(self) -> list[list[TaskCard]]:
-        """Return the tasks in groups whose weights compare."""
+        """Return the tasks in groups within which cosines exist."""
         groups, left = [], list(self.tasks)
         while left:
             first = left[0]
@@ -89,9 +93,7 @@ class Similarities:
         return groups
 
 
-def similarities_of(
-    cards: Sequence[TaskCard], on_fit: Callable[[str, Fit], object] | None = None
-) -> Similarities:
+def similarities_of(cards: Sequence[TaskCard], on_fit: OnFit | None = None) -> Similarities:
     """Compare tasks, with weights fitted in place of reward functions.
 
     Args:

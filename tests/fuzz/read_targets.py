@@ -72,8 +72,12 @@ def teacher_targets(folder):
         network, card = store.load_teacher(path, 2)
         assert network.spaces == card.spaces
         own = read_task("reacher")
-        told = store.mismatch(card, own, REACHER), cosine(card.task, own), relation(own, card.task)
-        assert literal(told)
+        relations = (
+            store.mismatch(card, own, REACHER),
+            cosine(card.task, own),
+            relation(own, card.task),
+        )
+        assert literal(relations)
 
     vector = add_teacher(folder, settings=["net.hidden=[8,8]"])
     seeing = add_teacher(
