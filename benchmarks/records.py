@@ -19,7 +19,8 @@ from time import perf_counter
 
 from turns import Measurements, Table, median, run, span
 
-from repaint_cli.envs.racer.deepracer.simtrace import METRICS, TRAINING
+from repaint_cli.envs.racer.deepracer.simtrace import METRICS
+from repaint_cli.envs.racer.deepracer.simtrace_reader import TRAINING
 from repaint_cli.envs.racer.deepracer.training_metrics import TrainingMetrics
 from repaint_cli.runs.experiment import Experiment
 from repaint_cli.runs.metrics import Report, append_csv

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from repaint_cli.runs.compare import ComparedRuns, EvaluatedRun
     from repaint_cli.runs.evaluate import Evaluation
     from repaint_cli.tasks.card import TaskCard
-    from repaint_cli.tasks.similarity import Similarities
+    from repaint_cli.tasks.similarity import OnFit, Similarities
     from repaint_cli.zoo.acting import LoadedTeacher
 
 __version__ = "0.2.0"
@@ -35,7 +35,7 @@ AnyTask: TypeAlias = "Name | TaskCard"
 def load_task(name: AnyTask) -> "TaskCard":
     """Read a task's card: a shipped one by name, or your own by its path (`my-task.toml`).
 
-    `card.with_settings(["ppo.gamma=0.9"])` is the card with another setting.
+    `card.with_settings(["ppo.gamma=0.9"])` has another setting.
     """
     from repaint_cli.tasks.card import TaskCard
     from repaint_cli.tasks.card_files import read_task
@@ -172,15 +172,16 @@ def evaluate(
     return evaluate_policy(policies, seed, for_film=for_film, log_folder=logs, colour=colour)
 
 
-def similarity(*names: AnyTask) -> "Similarities":
+def similarity(*names: AnyTask, on_fit: "OnFit | None" = None) -> "Similarities":
     """Compare tasks by the cosine of their reward weights.
 
-    One task, card or teacher is compared with all shipped tasks; no name stands for all of those.
+    One task, card or teacher is compared with all shipped tasks; no name stands for all of those. A
+    reward function's weights are fitted; `on_fit` is called with its task's name and the fit.
     """
     from repaint_cli.tasks.similarity import similarities_of
     from repaint_cli.zoo.tasks import tasks_to_compare
 
-    return similarities_of(tasks_to_compare(names))
+    return similarities_of(tasks_to_compare(names), on_fit)
 
 
 def train_methods(
@@ -225,10 +226,7 @@ def compare(
 def play_runs(
     folders: Sequence[Name], picture: Name = "compare-trajectories.png"
 ) -> "list[EvaluatedRun]":
-    """Let the last policies of runs play, and draw the first seeds' paths side by side.
-
-    The runs share a track, or an environment with paths.
-    """
+    """Let the last policies of runs on one track play, and draw their first seeds' paths."""
     from repaint_cli.runs.compare import compare_paths
 
     runs = [Path(folder) for folder in _listed(folders, "folders")]

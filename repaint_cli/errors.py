@@ -6,7 +6,7 @@ A class without a number has that of the class above.
 RepaintError                1   anything the program can explain in a line
 ├── UsageError              2   an option is malformed, missing, or not for what it is given with
 │   └── NotFound                an unknown task, teacher, run, method or setting
-├── CardError               3   a card, a setting or an environment says something it may not
+├── CardError               3   a card, a setting or an environment is not as it must be
 ├── TeacherMismatch         4   a teacher and a task do not fit
 ├── CheckpointError         5   a weights file is absent, damaged, or of another shape
 ├── DivergedError           6   a loss, a weight or an observation is not finite
@@ -50,7 +50,7 @@ class NotFound(UsageError):
 
 
 class CardError(RepaintError):
-    """A card, a setting or an environment says something it may not."""
+    """A card, a setting or an environment is not as it must be."""
 
     exit_code = 3
 
@@ -70,7 +70,7 @@ class CheckpointError(RepaintError):
 class DamagedFile(Exception):
     """A file is absent, damaged or too large, for a reader that does not know what the file is.
 
-    It has no exit code: the caller, who knows, raises it as one of the others; see `reported_as`.
+    It has no exit code: the caller raises it as the error of that kind of file; see `reported_as`.
     """
 
 

@@ -1,7 +1,7 @@
 """How inner loops are compiled: two decorators, with strict and with fast arithmetic.
 
 Kernels release the interpreter lock, so that threads can share the work. They are cached on disk,
-and the cache knows when a kernel's own file changes but no other: a kernel uses only what stands in
+and the cache knows when a kernel's own file changes but no other: a kernel uses only what is in
 its file, or is passed in.
 """
 

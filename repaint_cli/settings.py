@@ -1,7 +1,7 @@
 """The numbers of an experiment: frozen, checked once, a sentence and a unit per field.
 
-A default here is the tested one; a task's card says only what differs. Names are the field's
-standard terms, the paper's symbol stands in each sentence.
+A default here is the tested one; a task's card holds only what differs. Names are the field's
+standard terms, the paper's symbol is in each sentence.
 """
 
 import ast
@@ -27,7 +27,7 @@ class Settings(BaseModel):
 
     @classmethod
     def sentences(cls) -> dict[str, str]:
-        """Return what stands under each field, from the source: at every import would be slow."""
+        """Return the sentence under each field, read from the source on each call."""
         bases = [base for base in cls.__bases__ if issubclass(base, Settings)]
         inherited = {name: text for base in bases for name, text in base.sentences().items()}
         (body,) = ast.parse(textwrap.dedent(inspect.getsource(cls))).body
@@ -42,7 +42,7 @@ class Settings(BaseModel):
 
 def first_problem(error: ValidationError) -> str:
     """Return the first thing that is wrong with a record: the key, what was wanted and found."""
-    if error.error_count() > 1000:  # each of which takes a kilobyte to tell
+    if error.error_count() > 1000:  # whose texts take a kilobyte each
         return f"{error.error_count():,} of its values are not what they should be"
     problems = error.errors()
     same = [problem for problem in problems if problem["loc"][:2] == problems[0]["loc"][:2]]

@@ -1,7 +1,7 @@
 """Few runs, honest numbers: means with bootstrap intervals, and the numbers of a transfer report.
 
 Deterministic, on numpy and `scipy.stats`. `nan` means "no value": a number over runs is nan as soon
-as one of them has none, because a mean over only the runs that got there would flatter.
+as one of them has none, because a mean over only the runs that got there would be too good.
 
 **R** runs · **S** seeds · **K** iterations, numbered from 1.
 """
@@ -26,7 +26,7 @@ def mean_ci(values: ArrayLike, level: float = 0.95, seed: int = 0) -> tuple[floa
         seed: of the resampling; the same seed gives the same interval.
 
     Returns:
-        mean, low, high. With one run low and high are nan: one run says nothing about spread.
+        mean, low, high. With one run low and high are nan: one run does not show spread.
     """
     runs = _vector(values)
     if len(runs) == 0 or np.isnan(runs).any():
@@ -63,7 +63,7 @@ def bootstrap_mean(values: Floats, level: float = 0.95, seed: int = 0) -> tuple[
 
 
 def interquartile_mean(values: ArrayLike) -> float:
-    """Return the mean of the middle half of the runs (R,): less moved by one lucky or lost seed."""
+    """Return the mean of the middle half of the runs (R,): one outlier moves it less."""
     runs = _vector(values)
     return float(stats.trim_mean(runs, 0.25)) if len(runs) else float("nan")
 

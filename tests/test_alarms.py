@@ -105,7 +105,7 @@ def test_the_newest_run_from_scratch_beside_a_run_is_its_reference(repaint, home
 def test_alarms_are_in_the_log_and_in_the_record(repaint, home):
     add_teacher(home / "home" / "zoo")
     words = ["transfer", "--task", "reacher", "--teacher", "old-hand", *QUICK, "--run", "run"]
-    told = repaint(*words, "--threshold", 1e9)
-    assert "warning: iteration 2: no teacher sample was kept" in told.out
+    run = repaint(*words, "--threshold", 1e9)
+    assert "warning: iteration 2: no teacher sample was kept" in run.out
     (alarm, *_) = json.loads((home / "run" / "run.json").read_text())["alarms"]
     assert (alarm["iteration"], alarm["kind"]) == (2, "nothing-kept")

@@ -5,7 +5,7 @@ import pytest
 import torch
 from safetensors import safe_open
 from safetensors.torch import save_file
-from small_learners import course_for, learner_of, stranger, taught_by, with_transfer
+from small_learners import course_for, learner_of, teachers_of, untrained_teacher, with_transfer
 from small_tasks import guess, reach
 
 from repaint_cli.errors import CheckpointError
@@ -36,7 +36,7 @@ def test_a_learner_saved_half_way_goes_on_bit_for_bit(tmp_path, make):
     def begun():
         learner = learner_of(make(), [3, 5])
         task = with_transfer(make(select=select), TransferConfig())
-        return learner, course_for(task, learner, taught_by(stranger(task, 2)))
+        return learner, course_for(task, learner, teachers_of(untrained_teacher(task, 2)))
 
     def run(learner, course, n_iterations):
         task = make(n_iterations=n_iterations, select=select)
@@ -61,7 +61,9 @@ def test_what_relevance_and_automatic_transfer_go_by_is_kept(tmp_path):
 
     def begun(kind):
         task, learner = task_of(4), learner_of(reach(), [3, 5])
-        return learner, kind(task, [Teacher(stranger(task, 2), weights=np.array([1.0, 0.5]))], 2)
+        return learner, kind(
+            task, [Teacher(untrained_teacher(task, 2), weights=np.array([1.0, 0.5]))], 2
+        )
 
     def run(learner, course, n_iterations):
         list(train(task_of(n_iterations), learner, course))
@@ -121,7 +123,10 @@ def test_other_seeds_are_refused(tmp_path):
     ],
 )
 def test_leaves_that_do_not_fit_are_named_and_nothing_is_loaded(spoil, message):
-    student, leaves = learner_of(reach(), [0]).student, policy_tensors(stranger(reach()), 0)
+    student, leaves = (
+        learner_of(reach(), [0]).student,
+        policy_tensors(untrained_teacher(reach()), 0),
+    )
     before = copies(student)
     spoil(leaves)
     with pytest.raises(CheckpointError, match=f"a test: .*{message}"):

@@ -89,10 +89,10 @@ def test_eval_without_a_name_plays_the_newest_run(repaint, home):
     (folder,) = (home / "runs" / "reacher").iterdir()
     assert said.code == 0
     assert "reacher · scratch · iteration 2" in said.out
-    told = strict((folder / "eval.json").read_text())
-    assert np.shape(told["returns"]) == (2, 3)
-    assert told["seeds"] == [0, 1]
-    assert sum(told["mean_terms"].values()) == pytest.approx(np.mean(told["returns"]))
+    recorded = strict((folder / "eval.json").read_text())
+    assert np.shape(recorded["returns"]) == (2, 3)
+    assert recorded["seeds"] == [0, 1]
+    assert sum(recorded["mean_terms"].values()) == pytest.approx(np.mean(recorded["returns"]))
     assert (folder / "eval-trajectories.png").read_bytes().startswith(b"\x89PNG")
     assert f"wrote {folder.relative_to(home)}/: eval.json, eval-trajectories.png\n" in said.out
 
@@ -176,8 +176,8 @@ def test_several_teachers_of_other_networks_with_a_beta_each(repaint, home):
     )  # fmt: skip
     assert said.code == 0
     record = json.loads((home / "run" / "run.json").read_text())
-    told = [(teacher["name"], teacher["instances"]) for teacher in record["teachers"]]
-    assert told == [("old-hand", False), ("narrow", True)]
+    recorded = [(teacher["name"], teacher["instances"]) for teacher in record["teachers"]]
+    assert recorded == [("old-hand", False), ("narrow", True)]
     assert record["transfer"]["kickstart_coef"] == [0.2, 0.1]
     assert repaint("compare", "run").code == 0
     assert "repaint from old-hand and narrow" in repaint("compare", "run").out
@@ -336,9 +336,9 @@ def test_other_settings_for_an_evaluation_leave_the_runs_own_alone(repaint, home
     assert said.code == 0
     assert "env.track=oval, eval.action_noise=0.2" in " ".join(said.out.split())
     assert (home / "a" / "eval.json").read_bytes() == before
-    (told,) = (home / "runs" / "racer-inner").glob("eval-set-*/eval.json")
-    told = strict(told.read_text())
-    assert (told["env"]["track"], told["eval"]["action_noise"]) == ("oval", 0.2)
+    (recorded,) = (home / "runs" / "racer-inner").glob("eval-set-*/eval.json")
+    recorded = strict(recorded.read_text())
+    assert (recorded["env"]["track"], recorded["eval"]["action_noise"]) == ("oval", 0.2)
     said = repaint("eval", "a", "--set", "env.track=nope")
     assert said.err == (
         "error: unknown track 'nope'; there are oval, reinvent-like, wide-loop, "

@@ -86,9 +86,9 @@ def test_the_reference_is_a_label_or_a_method_and_scratch_may_be_absent():
 def test_a_record_is_strict_json():
     found, _ = standings(SLOW, LOST)
     rows = [as_row(standing) for standing in found.standings]
-    told = json.loads(json.dumps(rows, allow_nan=False))
-    assert tuple(told[0]) == COLUMNS
-    assert (told[0]["k"], told[1]["k"], told[1]["k_each"]) == (5, None, [None, None])
+    printed = json.loads(json.dumps(rows, allow_nan=False))
+    assert tuple(printed[0]) == COLUMNS
+    assert (printed[0]["k"], printed[1]["k"], printed[1]["k_each"]) == (5, None, [None, None])
 
 
 def test_tables_fit_80_columns_and_say_not_achieved(monkeypatch):
@@ -126,10 +126,10 @@ def test_compare_lays_runs_side_by_side(repaint, two_runs):
     assert said.code == 0
     assert (two_runs / "compare.png").read_bytes().startswith(b"\x89PNG")
     assert "repaint from old-hand" in said.out
-    told = json.loads(repaint("compare", "one", "two", "--json").out)
-    scratch, taught = told["runs"]
+    printed = json.loads(repaint("compare", "one", "two", "--json").out)
+    scratch, taught = printed["runs"]
     returns = column(two_runs / "one", "eval_return")
-    assert told["target"] == pytest.approx(max(returns), rel=1e-5)
+    assert printed["target"] == pytest.approx(max(returns), rel=1e-5)
     assert scratch["k"] == 1 + returns.index(max(returns))
     assert scratch["area"] == pytest.approx(sum(returns) / 2, rel=1e-5)
     expected = None if taught["k"] is None else 204 * taught["k"]
@@ -164,9 +164,9 @@ def test_a_report_stands_alone(repaint, two_runs):
 
 def test_a_target_and_a_reference_may_be_named(repaint, two_runs):
     words = ["compare", "one", "two", "--json", "--target", "-99", "--reference", "repaint"]
-    told = json.loads(repaint(*words).out)
-    assert (told["target"], told["reference"]) == (-99, "repaint from old-hand")
-    assert [row["k"] for row in told["runs"]] == [1, 1]
+    printed = json.loads(repaint(*words).out)
+    assert (printed["target"], printed["reference"]) == (-99, "repaint from old-hand")
+    assert [row["k"] for row in printed["runs"]] == [1, 1]
 
 
 def test_compare_does_without_a_scratch_run_and_passes_over_runs_that_never_began(
@@ -177,9 +177,9 @@ def test_compare_does_without_a_scratch_run_and_passes_over_runs_that_never_bega
     said = repaint("compare", *(path.name for path in two_runs.iterdir() if path.is_dir()))
     assert said.code == 0
     assert "unknown without a run from scratch" in said.out
-    told = json.loads(repaint("compare", "one", "two", "--json").out)
-    (only,) = told["runs"]
-    assert (only["run"], told["target"], only["k"]) == ("repaint from old-hand", None, None)
+    printed = json.loads(repaint("compare", "one", "two", "--json").out)
+    (only,) = printed["runs"]
+    assert (only["run"], printed["target"], only["k"]) == ("repaint from old-hand", None, None)
 
 
 def test_compare_refuses_runs_of_several_tasks(repaint, home):
@@ -206,10 +206,10 @@ def test_compare_tells_runs_of_one_name_and_other_lengths_apart(repaint, home):
     said = repaint("compare", "a/scratch", "b/scratch")
     assert "b/scratch earned" in said.out
     assert "over 2 iterations" in " ".join(said.out.split())
-    told = json.loads(repaint("compare", "a/scratch", "b/scratch", "--json").out)
-    assert [row["run"] for row in told["runs"]] == ["a/scratch", "b/scratch"]
+    printed = json.loads(repaint("compare", "a/scratch", "b/scratch", "--json").out)
+    assert [row["run"] for row in printed["runs"]] == ["a/scratch", "b/scratch"]
     first, second, *_ = column(home / "b" / "scratch", "eval_return")
-    assert told["runs"][1]["area"] == pytest.approx((first + second) / 2, rel=1e-4)
+    assert printed["runs"][1]["area"] == pytest.approx((first + second) / 2, rel=1e-4)
 
 
 def test_several_methods_are_trained_on_the_same_seeds_and_compared(repaint, home):

@@ -89,29 +89,29 @@ def rngs(n=3):
 
 
 def both(discrete, net, learn):
-    """Learn twice, plain and by hand; return what each told and who learned."""
-    told, learned = [], []
+    """Learn twice, plain and by hand; return the metrics and the learner of each."""
+    metrics, learned = [], []
     for ppo, by_other_means in (
         (PLAIN, patch.object(compiled, "take_steps")),
         (HAND, no_autograd()),
     ):
         student, optimizer = learner(discrete, net)
         with by_other_means as never:
-            told.append(learn(student, optimizer, ppo))
+            metrics.append(learn(student, optimizer, ppo))
         never.assert_not_called()
         learned.append((student, optimizer))
-    return told, learned
+    return metrics, learned
 
 
 def no_autograd():
     return patch.object(epochs, "_step")
 
 
-def assert_same(told, learned, atol=1e-5):
+def assert_same(metrics, learned, atol=1e-5):
     (plain, adam), (hand, hand_adam) = learned
-    assert told[0].keys() == told[1].keys()
-    for name in told[0]:
-        assert_allclose(told[1][name], told[0][name], rtol=1e-5, atol=1e-6, err_msg=name)
+    assert metrics[0].keys() == metrics[1].keys()
+    for name in metrics[0]:
+        assert_allclose(metrics[1][name], metrics[0][name], rtol=1e-5, atol=1e-6, err_msg=name)
     assert_close(hand.storage, plain.storage, rtol=0, atol=atol)
     assert_close(hand_adam.steps, adam.steps)
 
@@ -129,11 +129,11 @@ def test_a_step_has_the_gradients_of_the_plain_one(discrete, net, beta):
             student, optimizer, batch, once, rngs(), teacher=advice, beta=beta, policy_scale=0.5
         )
 
-    told, learned = both(discrete, net, learn)
-    assert 0.2 < told[0]["clip_fraction"].mean() < 0.8
+    metrics, learned = both(discrete, net, learn)
+    assert 0.2 < metrics[0]["clip_fraction"].mean() < 0.8
     assert_close(learned[1][0].gradients, learned[0][0].gradients, rtol=1e-5, atol=1e-6)
     assert learned[0][0].gradients.abs().max() > 0.1
-    assert_same(told, learned, atol=5e-6)
+    assert_same(metrics, learned, atol=5e-6)
 
 
 @KINDS
@@ -145,8 +145,8 @@ def test_an_update_ends_where_the_plain_one_does_with_unequal_counts(discrete, n
     def learn(student, optimizer, ppo):
         return learn_on_policy(student, optimizer, batch, ppo, rngs(), teacher=advice, beta=0.3)
 
-    told, learned = both(discrete, net, learn)
-    assert_same(told, learned)
+    metrics, learned = both(discrete, net, learn)
+    assert_same(metrics, learned)
     assert learned[1][1].steps[0].tolist() == [12, 9, 3]
 
 
@@ -157,28 +157,28 @@ def test_instances_move_policies_alone_and_a_seed_without_any_stays(discrete):
     def learn(student, optimizer, ppo):
         return learn_from_instances(student, optimizer, batch, ppo, rngs(), policy_scale=0.3)
 
-    told, learned = both(discrete, NET, learn)
-    assert_same(told, learned)
+    metrics, learned = both(discrete, NET, learn)
+    assert_same(metrics, learned)
     untouched, _ = learner(discrete)
     hand, optimizer = learned[1]
     assert_close(hand.storage[1], untouched.storage[1], rtol=0, atol=0)
     assert_close(hand.storage[:, hand.n_policy :], untouched.storage[:, hand.n_policy :])
     assert optimizer.steps.tolist() == [[9, 0, 3], [0, 0, 0]]
-    assert np.isnan(told[1]["policy_loss"][1])
+    assert np.isnan(metrics[1]["policy_loss"][1])
 
 
 @KINDS
 def test_updates_of_both_kinds_may_take_turns(discrete):
     """Adam's moments and counts are the same buffers for both."""
     batch, kept = samples(discrete, 40, 40, 40), samples(discrete, 20, 11, 16, seed=5)
-    told, learned = [], []
+    metrics, learned = [], []
     for ppo in (PLAIN, HAND):
         student, optimizer = learner(discrete)
         learn_on_policy(student, optimizer, batch, ppo, rngs())
         learn_from_instances(student, optimizer, kept, PLAIN, rngs())
-        told.append(learn_on_policy(student, optimizer, batch, ppo, rngs()))
+        metrics.append(learn_on_policy(student, optimizer, batch, ppo, rngs()))
         learned.append((student, optimizer))
-    assert_same(told, learned, atol=5e-5)
+    assert_same(metrics, learned, atol=5e-5)
 
 
 def test_a_joint_update_is_the_plain_one():

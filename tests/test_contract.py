@@ -29,15 +29,15 @@ def played(card, seeds, n_steps):
     env = card.make_env(N)
     obs, _ = env.reset(seed=seeds)
     env.action_space.seed(0)
-    told = [(obs, np.zeros(N), np.zeros(N, bool), np.zeros(N, bool), {})]
-    told += [env.step(env.action_space.sample()) for _ in range(n_steps)]
+    outputs = [(obs, np.zeros(N), np.zeros(N, bool), np.zeros(N, bool), {})]
+    outputs += [env.step(env.action_space.sample()) for _ in range(n_steps)]
     env.close()
-    return env, told
+    return env, outputs
 
 
 def test_the_reward_is_the_weighted_sum_of_the_named_terms(card):
-    env, told = played(card, [1, 2], 20)
-    for _, rewards, *_, info in told[1:]:
+    env, outputs = played(card, [1, 2], 20)
+    for _, rewards, *_, info in outputs[1:]:
         weighed = sum(w * info["reward_terms"][:, f] for f, w in enumerate(card.reward.values()))
         assert_allclose(rewards, weighed, rtol=1e-12)
         for f, name in enumerate(card.reward):
@@ -47,8 +47,8 @@ def test_the_reward_is_the_weighted_sum_of_the_named_terms(card):
 
 def test_the_same_seed_gives_the_same_trajectory_and_another_seed_another(card):
     def trajectory(seeds):
-        _, told = played(card, seeds, 60)  # beyond an episode's end
-        steps = [[*parts(obs), *rest] for obs, *rest, _ in told]
+        _, outputs = played(card, seeds, 60)  # beyond an episode's end
+        steps = [[*parts(obs), *rest] for obs, *rest, _ in outputs]
         return [np.stack(column) for column in zip(*steps, strict=True)]
 
     one, again, other = (trajectory(seeds) for seeds in ([3, 4], [3, 4], [13, 14]))
@@ -58,20 +58,20 @@ def test_the_same_seed_gives_the_same_trajectory_and_another_seed_another(card):
 
 
 def test_observations_share_no_memory(card):
-    _, told = played(card, [1, 2], 3)
-    for (before, *_), (after, *_) in pairwise(told):
+    _, outputs = played(card, [1, 2], 3)
+    for (before, *_), (after, *_) in pairwise(outputs):
         for one, other in zip(parts(before), parts(after), strict=True):
             assert not np.shares_memory(one, other)
 
 
 def test_no_sensor_is_dead(card):
-    _, told = played(card, [1, 2], 300)
-    for part in zip(*(parts(obs) for obs, *_ in told), strict=True):
+    _, outputs = played(card, [1, 2], 300)
+    for part in zip(*(parts(obs) for obs, *_ in outputs), strict=True):
         seen = np.stack(part)  # (T, N, *O)
         if seen.ndim > 3:
             assert np.all(seen.std(axis=(2, 3, 4)) > 0)  # no image is of one grey
             assert np.any(seen[0] != seen[20])
-        elif len(parts(told[0][0])) == 1:
+        elif len(parts(outputs[0][0])) == 1:
             alive = seen.std(axis=(0, 1)) > 0
             assert np.all(alive[: ALWAYS_ALIVE.get(card.env.id)])
             assert np.any(alive[ALWAYS_ALIVE.get(card.env.id, 0) :])
@@ -80,9 +80,9 @@ def test_no_sensor_is_dead(card):
 
 
 def test_observations_and_actions_are_in_their_spaces(card):
-    env, told = played(card, [1, 2], 60)
+    env, outputs = played(card, [1, 2], 60)
     assert env.num_envs == env.action_space.shape[0] == N
-    for obs, *_ in told:
+    for obs, *_ in outputs:
         assert env.observation_space.contains(obs)
 
 

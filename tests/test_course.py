@@ -3,7 +3,14 @@
 import numpy as np
 import pytest
 import torch
-from small_learners import course_for, learner_of, stranger, taught_by, transferring, with_transfer
+from small_learners import (
+    course_for,
+    learner_of,
+    teachers_of,
+    transfer_config,
+    untrained_teacher,
+    with_transfer,
+)
 from small_tasks import guess, reach
 
 from repaint_cli.learn.ppo import train
@@ -25,7 +32,7 @@ class EveryThird(Course):
 
 
 def courses(task, n_seeds=2):
-    return EveryThird(task, taught_by(stranger(task, n_seeds)), n_seeds)
+    return EveryThird(task, teachers_of(untrained_teacher(task, n_seeds)), n_seeds)
 
 
 @TASKS
@@ -64,13 +71,15 @@ def test_a_third_course_goes_on_from_its_state_bit_for_bit():
     ],
 )
 def test_the_card_and_the_teachers_pick_the_course(settings, teachers, kind):
-    task = with_transfer(reach(), transferring(**settings))
-    course = course_for(task, learner_of(task, [0]), taught_by(*[stranger(task)] * teachers))
+    task = with_transfer(reach(), transfer_config(**settings))
+    course = course_for(
+        task, learner_of(task, [0]), teachers_of(*[untrained_teacher(task)] * teachers)
+    )
     assert type(course) is kind
 
 
 def test_a_course_without_teachers_is_over_and_asks_for_nothing():
-    task = with_transfer(reach(), transferring(critic_warmup=3))
+    task = with_transfer(reach(), transfer_config(critic_warmup=3))
     course = course_for(task, learner_of(task, [0]))
     now = course.start(1)
     assert (now.phase, now.policy_scale, now.betas.shape) == ("ppo", 1.0, (0, 1))
@@ -79,9 +88,9 @@ def test_a_course_without_teachers_is_over_and_asks_for_nothing():
 
 
 def test_a_measured_course_evaluates_students_and_teachers_once():
-    task = with_transfer(reach(), transferring(phases="auto"))
-    learner, teacher = learner_of(task, [0, 1]), stranger(task, 2)
-    course, played = course_for(task, learner, taught_by(teacher)), []
+    task = with_transfer(reach(), transfer_config(phases="auto"))
+    learner, teacher = learner_of(task, [0, 1]), untrained_teacher(task, 2)
+    course, played = course_for(task, learner, teachers_of(teacher)), []
 
     def play(network):
         played.append(network)
@@ -94,9 +103,9 @@ def test_a_measured_course_evaluates_students_and_teachers_once():
 
 
 def test_an_evaluation_is_used_while_the_transfer_lasts():
-    task = with_transfer(reach(), transferring(phases="auto", iterations=3))
+    task = with_transfer(reach(), transfer_config(phases="auto", iterations=3))
     learner = learner_of(task, [0])
-    course = course_for(task, learner, taught_by(stranger(task)))
+    course = course_for(task, learner, teachers_of(untrained_teacher(task)))
     course.begin(learner.student, lambda network: np.zeros((1, 3)))
     used = [course.after_evaluation(k, "ppo", 10.0, np.ones((1, 3))) for k in (1, 2, 3)]
     assert used == [True, True, False]

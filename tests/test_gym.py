@@ -61,12 +61,12 @@ def test_envpools_reacher_is_gymnasiums_on_1000_random_steps():
         copy_state(obs[0], gym.envs[0])
         for t in range(EPISODE):
             actions = rng.uniform(-1, 1, (1, 2))
-            obs, *ours, said = pool.step(actions)
-            expected, *theirs, told = gym.step(actions)
+            obs, *ours, info = pool.step(actions)
+            expected, *theirs, expected_info = gym.step(actions)
             assert_allclose(obs, expected, rtol=0, atol=1e-6)
             assert_allclose(ours, theirs, rtol=0, atol=1e-6)  # reward, terminated, truncated
             for term in TERMS:
-                assert_allclose(said[term], told[term], rtol=0, atol=1e-6)
+                assert_allclose(info[term], expected_info[term], rtol=0, atol=1e-6)
             assert theirs[2] == (t == EPISODE - 1)
         obs, gym_obs = pool.step(actions)[0], gym.step(actions)[0]  # both begin again here
         assert np.abs([obs[0, 6:8], gym_obs[0, 6:8]]).max() < 0.01
@@ -88,12 +88,12 @@ def test_envpools_ant_is_gymnasiums_over_40_windows_of_25_random_steps():
         for t in range(25):
             actions = rng.uniform(-1, 1, (1, 8))
             obs, (reward,), (terminated,), (truncated,), info = pool.step(actions)
-            expected, wanted, unhealthy, _, told = body.step(actions[0])
+            expected, wanted, unhealthy, _, expected_info = body.step(actions[0])
             assert_allclose(obs[0], expected, rtol=0, atol=1e-6)
             assert terminated == unhealthy
             # Speed is measured between places that lag a substep behind, but not after a copy.
             for term in ANT_TERMS if t else ANT_TERMS[1:]:
-                assert_allclose(info[term][0], told[term], rtol=0, atol=1e-6)
+                assert_allclose(info[term][0], expected_info[term], rtol=0, atol=1e-6)
             if t:
                 assert_allclose(reward, wanted, rtol=0, atol=1e-6)
             ended = bool(terminated or truncated)
@@ -159,9 +159,9 @@ def test_auto_leaves_unchecked_ids_and_arguments_to_gymnasium():
 
 def test_steps_that_only_reset_earn_nothing_while_others_act():
     env, _ = scripted(np.zeros((4, 2, 1)), [[1, 2], [3, 4], [5, 6]], ends=[(0, 1)])
-    told = [env.step(np.zeros((2, 1))) for _ in range(3)]
-    assert [reward.tolist() for _, reward, *_ in told] == [[1, 2], [3, 0], [5, 6]]
-    assert told[1][-1]["reward_terms"].tolist() == [[3], [0]]
+    outputs = [env.step(np.zeros((2, 1))) for _ in range(3)]
+    assert [reward.tolist() for _, reward, *_ in outputs] == [[1, 2], [3, 0], [5, 6]]
+    assert outputs[1][-1]["reward_terms"].tolist() == [[3], [0]]
 
 
 def test_a_term_that_is_not_reported_is_named_with_those_that_are():
@@ -193,11 +193,11 @@ def test_half_cheetahs_reward_is_the_environments_own(home):
 
 
 @needs_envpool
-@pytest.mark.parametrize(("told", "threads"), [("1", 1), ("3", 3), ("", os.cpu_count())])
-def test_envpool_takes_as_many_threads_as_torch(monkeypatch, told, threads):
+@pytest.mark.parametrize(("variable", "threads"), [("1", 1), ("3", 3), ("", os.cpu_count())])
+def test_envpool_takes_as_many_threads_as_torch(monkeypatch, variable, threads):
     import envpool
 
-    monkeypatch.setenv("OMP_NUM_THREADS", told)
+    monkeypatch.setenv("OMP_NUM_THREADS", variable)
     asked, make = [], envpool.make
 
     def spy(*args, num_threads, **kwargs):

@@ -9,7 +9,7 @@ import zipfile
 import gymnasium
 import numpy as np
 import pytest
-from foreign_policies import ACTIONS, PICTURE, VECTOR, dreams, normalised
+from foreign_policies import ACTIONS, PICTURE, VECTOR, noise_env_id, normalised
 from gymnasium.spaces import Box, Dict, Discrete
 from numpy.testing import assert_allclose, assert_array_equal
 from stable_baselines3.common.running_mean_std import RunningMeanStd
@@ -45,7 +45,7 @@ def quietly(data):
 
 
 def dreaming(obs=VECTOR, action=ACTIONS["box"]):
-    return DummyVecEnv([lambda: gymnasium.make(dreams(obs, action))])
+    return DummyVecEnv([lambda: gymnasium.make(noise_env_id(obs, action))])
 
 
 def saved(tmp_path, source, protocol=None):

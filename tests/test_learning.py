@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from small_learners import learner_of, taught_by, training, with_transfer
+from small_learners import learner_of, teachers_of, training, with_transfer
 from small_tasks import reach
 
 from repaint_cli.learn.evaluation import evaluate
@@ -29,7 +29,7 @@ def learned(n_iterations, seeds=SEEDS, teacher=None, transfer=TRANSFER, **weight
     task = reach(n_iterations=n_iterations, **LONG, **weights)
     learner = learner_of(task, seeds)
     stats, returns = [], [evaluate(learner.student, task, seeds, 10).returns.mean(1)]
-    for stat in training(with_transfer(task, transfer), learner, taught_by(teacher)):
+    for stat in training(with_transfer(task, transfer), learner, teachers_of(teacher)):
         stats.append(stat)
         returns.append(evaluate(learner.student, task, seeds, 10).returns.mean(1))
     return learner.student, stats, np.array(returns)

@@ -9,10 +9,10 @@ from small_learners import (
     course_for,
     instances_from,
     learner_of,
-    stranger,
-    taught_by,
+    teachers_of,
     training,
-    transferring,
+    transfer_config,
+    untrained_teacher,
     with_transfer,
 )
 from small_tasks import guess, reach
@@ -130,7 +130,7 @@ def test_all_that_was_measured_can_be_kept():
 def automatic(task, **more):
     select = task.select.model_copy(update={"rule": "auto"})
     settings = {"kickstart_schedule": "auto", "phases": "auto", "iterations": 99}
-    return with_transfer(task, transferring(**settings | more)).model_copy(
+    return with_transfer(task, transfer_config(**settings | more)).model_copy(
         update={"select": select}
     )
 
@@ -146,25 +146,29 @@ def course_with(task, learner, teachers, own, *taught):
 def test_a_teacher_in_the_lead_teaches_until_the_student_has_passed_it(make):
     task = automatic(make(n_iterations=9))
     learner = learner_of(task, [0, 1])
-    course = course_with(task, learner, taught_by(stranger(task, 2)), (0.0, 0.0), (6.0, 6.0))
-    told = []
+    course = course_with(
+        task, learner, teachers_of(untrained_teacher(task, 2)), (0.0, 0.0), (6.0, 6.0)
+    )
+    history = []
     for stat in train(task, learner, course):
-        told.append((stat.phase, stat.metrics.get("kickstart_coef", np.zeros(2)).tolist()))
+        history.append((stat.phase, stat.metrics.get("kickstart_coef", np.zeros(2)).tolist()))
         own = 0.0 if stat.iteration < 4 else 9.0
         course.measurements.add_evaluation(returns(own, own), stat.steps, stat.phase)
-    phases = [phase for phase, _ in told]
+    phases = [phase for phase, _ in history]
     assert phases[0] == "representation"
-    assert told[0][1] == [1, 1]
+    assert history[0][1] == [1, 1]
     assert "instance" in phases[1:4]
     assert "instance" not in phases[6:]
     assert phases[-1] == "ppo"
-    assert told[-1][1] == [0, 0]
+    assert history[-1][1] == [0, 0]
 
 
 def test_a_teacher_that_never_leads_leaves_scratch_bit_for_bit():
     task = reach(n_iterations=4)
     scratch, taught = learner_of(task, [0]), learner_of(task, [0])
-    course = course_with(automatic(task), taught, taught_by(stranger(task)), (0.0,), (-6.0,))
+    course = course_with(
+        automatic(task), taught, teachers_of(untrained_teacher(task)), (0.0,), (-6.0,)
+    )
     list(training(task, scratch))
     stats = list(train(automatic(task), taught, course))
     assert torch.equal(scratch.student.storage, taught.student.storage)
@@ -174,8 +178,10 @@ def test_a_teacher_that_never_leads_leaves_scratch_bit_for_bit():
 def test_each_seed_has_a_beta_of_its_own_and_seeds_stay_apart():
     task = automatic(reach(n_iterations=1))
     learner, alone = learner_of(task, [0, 1]), learner_of(task, [1])
-    course = course_with(task, learner, taught_by(stranger(task, 2)), (0.0, 3.0), (6.0, 6.0))
-    course_alone = course_with(task, alone, taught_by(stranger(task)), (3.0,), (6.0,))
+    course = course_with(
+        task, learner, teachers_of(untrained_teacher(task, 2)), (0.0, 3.0), (6.0, 6.0)
+    )
+    course_alone = course_with(task, alone, teachers_of(untrained_teacher(task)), (3.0,), (6.0,))
     course.measurements.random = mean_and_error(returns(0.0, 0.0))
     course_alone.measurements.random = mean_and_error(returns(0.0))
     (stat,) = train(task, learner, course)
@@ -187,7 +193,7 @@ def test_each_seed_has_a_beta_of_its_own_and_seeds_stay_apart():
 def test_a_cosine_that_is_not_positive_is_believed():
     task = automatic(reach(n_iterations=1))
     learner = learner_of(task, [0])
-    opposed = [replace(teacher, cosine=-1.0) for teacher in taught_by(stranger(task))]
+    opposed = [replace(teacher, cosine=-1.0) for teacher in teachers_of(untrained_teacher(task))]
     (stat,) = train(task, learner, course_with(task, learner, opposed, (0.0,), (6.0,)))
     assert stat.phase == "ppo"
 
@@ -195,7 +201,7 @@ def test_a_cosine_that_is_not_positive_is_believed():
 def test_of_several_teachers_only_those_in_the_lead_give_samples():
     task = automatic(reach(n_iterations=1))
     learner = learner_of(task, [0, 1])
-    both = taught_by(stranger(task, 2, seed=5), stranger(task, 2, seed=6))
+    both = teachers_of(untrained_teacher(task, 2, seed=5), untrained_teacher(task, 2, seed=6))
     course = course_with(task, learner, both, (0.0, 0.0), (6.0, 6.0), (-6.0, 6.0))
     course.measurements.add_betas(course.measurements.betas([None, None]))
     course.measurements.quantiles[:] = -1e9  # everything surpasses the students'
@@ -206,9 +212,9 @@ def test_of_several_teachers_only_those_in_the_lead_give_samples():
 @pytest.mark.parametrize("rule", ["zeta", "auto"])
 def test_a_part_that_is_automatic_alone_ends_too(rule):
     task = reach(n_iterations=6, select={"rule": rule, "threshold": -1e9})
-    task = with_transfer(task, transferring(phases="auto", iterations=99))
+    task = with_transfer(task, transfer_config(phases="auto", iterations=99))
     learner = learner_of(task, [0])
-    course = course_with(task, learner, taught_by(stranger(task)), (0.0,), (-6.0,))
+    course = course_with(task, learner, teachers_of(untrained_teacher(task)), (0.0,), (-6.0,))
     stats = list(train(task, learner, course))
     assert course.ended
     assert {stat.phase for stat in stats[2:]} == {"ppo"}
@@ -217,7 +223,7 @@ def test_a_part_that_is_automatic_alone_ends_too(rule):
 def test_a_joint_transfer_ends():
     task = automatic(reach(n_iterations=4), joint=True)
     learner = learner_of(task, [0])
-    course = course_with(task, learner, taught_by(stranger(task)), (0.0,), (-6.0,))
+    course = course_with(task, learner, teachers_of(untrained_teacher(task)), (0.0,), (-6.0,))
     stats = list(train(task, learner, course))
     assert stats[-1].phase == "ppo"
 
@@ -225,7 +231,7 @@ def test_a_joint_transfer_ends():
 def test_once_it_has_ended_alpha_1_scales_nothing():
     task = automatic(reach(n_iterations=3), alpha_1=0.1, alpha_power=0.5)
     scratch, taught = learner_of(task, [0]), learner_of(task, [0])
-    course = course_with(task, taught, taught_by(stranger(task)), (0.0,), (-6.0,))
+    course = course_with(task, taught, teachers_of(untrained_teacher(task)), (0.0,), (-6.0,))
     course.measurements.idle = 2
     list(training(reach(n_iterations=3), scratch))
     list(train(task, taught, course))
@@ -234,14 +240,14 @@ def test_once_it_has_ended_alpha_1_scales_nothing():
 
 def test_who_acts_and_how_much_depends_on_no_other_seed():
     task = automatic(reach(n_iterations=1))
-    both = [stranger(task, 2, seed=5), stranger(task, 2, seed=6)]
+    both = [untrained_teacher(task, 2, seed=5), untrained_teacher(task, 2, seed=6)]
     kept = []
     for leading in ([[True, False], [False, True]], [[True, False], [False, False]]):
         learner = learner_of(task, [0, 1])
-        course = course_with(task, learner, taught_by(*both), (0.0, 0.0), *[(6.0, 6.0)] * 2)
+        course = course_with(task, learner, teachers_of(*both), (0.0, 0.0), *[(6.0, 6.0)] * 2)
         course.measurements.leading = np.array(leading)
         course.measurements.quantiles[:] = -1e9
-        kept.append(instances_from(task, learner, taught_by(*both), 2, course)[0])
+        kept.append(instances_from(task, learner, teachers_of(*both), 2, course)[0])
     assert kept[0].counts.tolist() == [36, 36]
     assert kept[1].counts.tolist() == [36, 0]
     assert torch.equal(kept[0].actions[0], kept[1].actions[0, :36])

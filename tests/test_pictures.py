@@ -23,8 +23,8 @@ TASK = read_task("racer-inner")
 
 
 @pytest.fixture
-def told(monkeypatch):
-    """What the drawing functions were given, by their name."""
+def plotted(monkeypatch):
+    """The arguments of the drawing functions, by their names."""
     given = {}
     for name in ("plot_racer", "plot_heatmap", "plot_progress"):
         monkeypatch.setattr(
@@ -47,9 +47,9 @@ def race():
 
 
 @pytest.mark.parametrize(("colour", "value"), [("speed", 0.7), ("reward", -1.0)])
-def test_paths_have_the_colour_asked_for_and_their_ends(told, tmp_path, colour, value):
+def test_paths_have_the_colour_asked_for_and_their_ends(plotted, tmp_path, colour, value):
     assert figures.draw_trajectories(TASK, [("a", race())], tmp_path / "t.png", "t", colour)
-    (paths,), *_, unit = told["plot_racer"]
+    (paths,), *_, unit = plotted["plot_racer"]
     assert (paths.values == value).all()
     assert paths.values.shape == (E, T)
     assert unit.startswith(colour)
@@ -57,7 +57,7 @@ def test_paths_have_the_colour_asked_for_and_their_ends(told, tmp_path, colour, 
     assert paths.ended_off.tolist() == [False, False, True]
 
 
-def test_a_trainings_pictures_are_drawn_from_its_logs(told, tmp_path):
+def test_a_trainings_pictures_are_drawn_from_its_logs(plotted, tmp_path):
     nothing = {field.name: np.zeros(3) for field in fields(Trace)}
     ways = [
         Trace(**nothing | {"progress": np.array([1.0, 2.0, far]), "status": "off_track"})
@@ -70,10 +70,10 @@ def test_a_trainings_pictures_are_drawn_from_its_logs(told, tmp_path):
     rows = {"eval_return": np.zeros((2, 3)), "eval_progress": np.array([[7.0, 8, 9], [0, 0, 0]])}
     drawn = figures.draw_training(FinishedRun(RunFolder(tmp_path), record, TASK, rows))
     assert [path.name for path in drawn] == ["heatmap.png", "progress.png"]
-    drives, evaluated, *_ = told["plot_progress"]
+    drives, evaluated, *_ = plotted["plot_progress"]
     assert [(k, trace.progress[-1]) for k, trace in drives] == [(1, 30), (3, 50)]
     assert evaluated.tolist() == [7, 8, 9]
-    assert told["plot_heatmap"][0] == drives
+    assert plotted["plot_heatmap"][0] == drives
     assert json.loads((log.folder / "metrics" / "TrainingMetrics.json").read_text())
 
 

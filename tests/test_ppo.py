@@ -9,11 +9,11 @@ from small_learners import (
     instances_from,
     learner_of,
     spaces_of,
-    stranger,
-    taught_by,
+    teachers_of,
     trained,
     training,
-    transferring,
+    transfer_config,
+    untrained_teacher,
     with_transfer,
 )
 from small_tasks import guess, reach
@@ -61,7 +61,7 @@ def stages(task, seeds=(0, 1), teacher=None, **transfer):
     learner = learner_of(task, seeds)
     states, stats = [whole(learner)], []
     for stat in training(
-        with_transfer(task, transferring(**transfer)), learner, taught_by(teacher)
+        with_transfer(task, transfer_config(**transfer)), learner, teachers_of(teacher)
     ):
         states.append(whole(learner))
         stats.append(stat)
@@ -72,7 +72,9 @@ def stages(task, seeds=(0, 1), teacher=None, **transfer):
 def test_a_teacher_that_contributes_nothing_is_ppo_bit_for_bit(make):
     task = make()
     alone, stats = trained(task)
-    with_teacher, others = trained(task, teacher=stranger(task), kickstart_coef=0, instance=0)
+    with_teacher, others = trained(
+        task, teacher=untrained_teacher(task), kickstart_coef=0, instance=0
+    )
     assert same(whole(alone), whole(with_teacher))
     for stat, other in zip(stats, others, strict=True):
         assert stat.phase == other.phase == "ppo"
@@ -89,7 +91,7 @@ def test_repaint_without_instances_is_kickstart_bit_for_bit(make):
         METHODS["kickstart"].apply(transfer),
         METHODS["repaint"].apply(transfer.model_copy(update={"instance": 0})),
     ):
-        learner, _ = trained(task, teacher=stranger(task), **settings.model_dump())
+        learner, _ = trained(task, teacher=untrained_teacher(task), **settings.model_dump())
         ends.append(whole(learner))
     assert same(*ends)
     assert not same(ends[0], whole(trained(task)[0]))
@@ -98,7 +100,7 @@ def test_repaint_without_instances_is_kickstart_bit_for_bit(make):
 @TASKS
 def test_a_threshold_nothing_reaches_takes_no_instance_step(make):
     task = make(select=keeps(NOTHING))
-    (_, first, second), stats = stages(task, teacher=stranger(task, 2), kickstart_coef=0.2)
+    (_, first, second), stats = stages(task, teacher=untrained_teacher(task, 2), kickstart_coef=0.2)
     assert [stat.phase for stat in stats] == ["representation", "instance"]
     assert same(first, second)
     np.testing.assert_array_equal(stats[1].metrics["kept_fraction"], [0, 0])
@@ -108,17 +110,19 @@ def test_a_threshold_nothing_reaches_takes_no_instance_step(make):
 @TASKS
 def test_a_joint_update_that_kept_nothing_is_kickstart_bit_for_bit(make):
     task = make(select=keeps(NOTHING), compiled=False)
-    joint, stats = trained(task, teacher=stranger(task), joint=True)
+    joint, stats = trained(task, teacher=untrained_teacher(task), joint=True)
     assert stats[0].phase == "joint"
-    assert same(whole(joint), whole(trained(task, teacher=stranger(task), instance=0)[0]))
+    assert same(whole(joint), whole(trained(task, teacher=untrained_teacher(task), instance=0)[0]))
 
 
 @pytest.mark.parametrize("joint", [False, True])
 def test_after_k_iterations_the_teacher_is_not_asked(joint):
-    task, teacher = reach(n_iterations=4), stranger(reach())
+    task, teacher = reach(n_iterations=4), untrained_teacher(reach())
     learner, phases = learner_of(task, [0]), []
     for stat in training(
-        with_transfer(task, transferring(iterations=2, joint=joint)), learner, taught_by(teacher)
+        with_transfer(task, transfer_config(iterations=2, joint=joint)),
+        learner,
+        teachers_of(teacher),
     ):
         phases.append(stat.phase)
         if stat.iteration == 2:
@@ -132,7 +136,7 @@ def test_after_k_iterations_the_teacher_is_not_asked(joint):
 @pytest.mark.parametrize("joint", [False, True])
 def test_training_moves_the_student_and_leaves_the_teacher_alone(make, joint):
     task = make(select=keeps(EVERYTHING))
-    teacher, twin = stranger(task), stranger(task)
+    teacher, twin = untrained_teacher(task), untrained_teacher(task)
     states, _ = stages(task, seeds=[0], teacher=teacher, joint=joint)
     for before, after in pairwise(states):
         assert not torch.equal(before["weights"], after["weights"])
@@ -145,7 +149,7 @@ def test_training_moves_the_student_and_leaves_the_teacher_alone(make, joint):
 @TASKS
 def test_an_instance_iteration_moves_the_policy_and_neither_critic_nor_statistics(make):
     task = make(select=keeps(EVERYTHING))
-    (_, before, after), stats = stages(task, teacher=stranger(task, 2))
+    (_, before, after), stats = stages(task, teacher=untrained_teacher(task, 2))
     cut = learner_of(task, [0]).student.n_policy
     assert stats[1].phase == "instance"
     assert torch.equal(after["weights"][:, cut:], before["weights"][:, cut:])
@@ -156,7 +160,7 @@ def test_an_instance_iteration_moves_the_policy_and_neither_critic_nor_statistic
 
 def test_a_joint_iteration_takes_only_the_students_own_observations_into_its_statistics():
     task = reach(n_iterations=1, select=keeps(EVERYTHING))
-    joint, _ = trained(task, teacher=stranger(task), joint=True)
+    joint, _ = trained(task, teacher=untrained_teacher(task), joint=True)
     alone, _ = trained(task)
     assert torch.equal(joint.student.normalizer.mean, alone.student.normalizer.mean)
     assert torch.equal(joint.student.normalizer.count, alone.student.normalizer.count)
@@ -176,7 +180,7 @@ def folded(teacher):
 @pytest.mark.parametrize("joint", [False, True])
 def test_the_teacher_reads_raw_observations_through_its_own_statistics(joint):
     task = reach(select=keeps(0.0))
-    teacher = stranger(task)
+    teacher = untrained_teacher(task)
     assert not torch.equal(folded(teacher).storage, teacher.storage)
     plain, other = (
         trained(task, teacher=t, joint=joint, kickstart_coef=3.0)[0].student.storage
@@ -188,19 +192,19 @@ def test_the_teacher_reads_raw_observations_through_its_own_statistics(joint):
 @TASKS
 def test_the_same_seed_gives_the_same_bits_and_another_others(make):
     task = make(select=keeps(0.5))
-    ends = [whole(trained(task, [seed], stranger(task))[0]) for seed in (3, 3, 4)]
+    ends = [whole(trained(task, [seed], untrained_teacher(task))[0]) for seed in (3, 3, 4)]
     assert same(ends[0], ends[1])
     assert not torch.equal(ends[0]["weights"], ends[2]["weights"])
 
 
 @TASKS
 def test_training_in_two_sittings_is_training_in_one(make):
-    teacher, transfer = stranger(make()), TransferConfig()
+    teacher, transfer = untrained_teacher(make()), TransferConfig()
     once, _ = trained(make(n_iterations=4), teacher=teacher)
     twice = learner_of(make(), [0])
     for n_iterations, expected in ((2, [1, 2]), (4, [3, 4])):
         task = with_transfer(make(n_iterations=n_iterations), transfer)
-        sitting = training(task, twice, taught_by(teacher))
+        sitting = training(task, twice, teachers_of(teacher))
         assert [stat.iteration for stat in sitting] == expected
     assert same(whole(once), whole(twice))
 
@@ -208,7 +212,7 @@ def test_training_in_two_sittings_is_training_in_one(make):
 def test_a_joint_iteration_learns_from_what_it_kept(batches_of):
     taught = batches_of("instance_loss")
     task = reach(n_iterations=1, n_epochs=1, select=keeps(0.5))
-    learner, (stat,) = trained(task, teacher=stranger(task), joint=True)
+    learner, (stat,) = trained(task, teacher=untrained_teacher(task), joint=True)
     assert sum(int(batch.counts) for batch in taught) == round(
         72 * stat.metrics["kept_fraction"][0]
     )
@@ -230,7 +234,7 @@ def collected(monkeypatch):
 
 def test_the_critic_that_judges_the_teacher_has_judged_the_students_batch_too(collected):
     task = reach(n_iterations=1, learning_rate=0.05, select=keeps(0.5, "student-batch"))
-    learner, teachers = learner_of(task, [0]), taught_by(stranger(task))
+    learner, teachers = learner_of(task, [0]), teachers_of(untrained_teacher(task))
     course = course_for(task, learner, teachers)
     list(train(task, learner, course))
     anew = to_samples(collected[0], learner.student.value, task.ppo)
@@ -247,7 +251,7 @@ def test_a_joint_iteration_judges_the_teacher_against_the_students_own_batch(mon
         return rescale(samples, scale, student)
 
     monkeypatch.setattr(course_module, "rescale", spy)
-    _, (stat,) = trained(task, teacher=stranger(task), joint=True)
+    _, (stat,) = trained(task, teacher=untrained_teacher(task), joint=True)
     assert scales[0][0] != 0
     assert scales[0][1] != 1
     assert stat.metrics["student_reward"][0] < 0
@@ -272,7 +276,7 @@ def test_alphas_scale_the_learning_rates_of_their_own_iterations_until_k():
         training(
             with_transfer(task, TransferConfig(iterations=3, alpha_1=3, alpha_2=5)),
             learner,
-            taught_by(stranger(task)),
+            teachers_of(untrained_teacher(task)),
         )
     )
     assert scales == [3, 5, 3, 1]
@@ -303,7 +307,7 @@ def test_the_first_ratio_is_one_and_advantages_have_mean_0_and_std_1(batches_of)
 def instances_of(task, teacher, learner=None, course=None, **transfer):
     task = with_transfer(task, TransferConfig(**transfer))
     learner = learner or learner_of(task, [0])
-    found = instances_from(task, learner, taught_by(teacher), 2, course)
+    found = instances_from(task, learner, teachers_of(teacher), 2, course)
     return *found, soften(teacher, task.transfer)
 
 
@@ -312,7 +316,7 @@ def instances_of(task, teacher, learner=None, course=None, **transfer):
 )
 def test_teacher_samples_carry_the_softened_teachers_log_probs(make, spread):
     task = make(select=keeps(EVERYTHING))
-    teacher = stranger(task)
+    teacher = untrained_teacher(task)
     teacher.weights["policy.head.weight"].data *= 100  # so that a temperature matters
     kept, _, guide = instances_of(task, teacher, **spread)
     real = kept.mask
@@ -330,7 +334,7 @@ def test_the_softened_teacher_is_what_is_imitated(monkeypatch):
         return loss(student, batch, teacher, *rest)
 
     monkeypatch.setattr(epochs, "representation_loss", spy)
-    trained(task, teacher=stranger(task), teacher_min_std=2.0)
+    trained(task, teacher=untrained_teacher(task), teacher_min_std=2.0)
     assert seen
     for teacher in seen:
         assert_close(teacher.log_std.exp(), torch.full((1, 1, 1), 2.0))
@@ -338,7 +342,7 @@ def test_the_softened_teacher_is_what_is_imitated(monkeypatch):
 
 def test_teacher_samples_are_paid_by_the_target_task():
     cards = [reach(distance=w, select=keeps(EVERYTHING, "none")) for w in (1.0, -2.0)]
-    (one, _, _), (other, _, _) = (instances_of(task, stranger(task)) for task in cards)
+    (one, _, _), (other, _, _) = (instances_of(task, untrained_teacher(task)) for task in cards)
     assert torch.equal(one.actions, other.actions)
     assert_close(other.rewards, -2 * one.rewards)
 
@@ -346,7 +350,7 @@ def test_teacher_samples_are_paid_by_the_target_task():
 def test_teacher_advantages_are_the_students_critics():
     # λ = 0, γ = 1, no terminations: a critic that says 1 more everywhere has the same TD errors
     task = reach(gamma=1.0, gae_lambda=0.0, select=keeps(EVERYTHING, "none"))
-    learner, teacher = learner_of(task, [0]), stranger(task)
+    learner, teacher = learner_of(task, [0]), untrained_teacher(task)
     teacher.weights["value.head.bias"].data += 50
     before, _, _ = instances_of(task, teacher, learner)
     learner.student.weights["value.head.bias"].data += 1.0
@@ -356,10 +360,12 @@ def test_teacher_advantages_are_the_students_critics():
 
 
 def test_what_was_kept_is_what_reaches_the_threshold():
-    raw, _, _ = instances_of(task := reach(select=keeps(EVERYTHING, "none")), stranger(task))
+    raw, _, _ = instances_of(
+        task := reach(select=keeps(EVERYTHING, "none")), untrained_teacher(task)
+    )
     zeta = raw.advantages.median().item()
     task = reach(select=keeps(zeta, "none"))
-    kept, numbers, _ = instances_of(task, stranger(task))
+    kept, numbers, _ = instances_of(task, untrained_teacher(task))
     chosen = raw.advantages >= zeta
     assert torch.equal(kept.advantages[0], raw.advantages[chosen])
     assert numbers["kept_fraction"] == pytest.approx(chosen.float().mean().item())
@@ -370,7 +376,7 @@ def test_what_was_kept_is_what_reaches_the_threshold():
 def test_kept_advantages_stay_on_the_scale_they_were_judged_on(batches_of):
     batches = batches_of("instance_loss")
     task = reach(select=keeps(0.5), n_epochs=1, minibatch_size=1000, compiled=False)
-    trained(task, teacher=stranger(task))
+    trained(task, teacher=untrained_teacher(task))
     (batch,) = batches
     assert (batch.advantages >= 0.5).all()
     assert batch.advantages.mean() > 0.6
@@ -378,9 +384,9 @@ def test_kept_advantages_stay_on_the_scale_they_were_judged_on(batches_of):
 
 def test_the_students_batch_is_the_scale_where_the_card_says_so():
     task = reach(select=keeps(EVERYTHING, "student-batch"))
-    learner, teacher = learner_of(task, [0]), stranger(task)
+    learner, teacher = learner_of(task, [0]), untrained_teacher(task)
     raw, _, _ = instances_of(reach(select=keeps(EVERYTHING, "none")), teacher)
-    course = course_for(task, learner, taught_by(teacher))
+    course = course_for(task, learner, teachers_of(teacher))
     course.last = replace(course.last, moments=(torch.tensor([[1.0]]), torch.tensor([[4.0]])))
     scaled, _, _ = instances_of(task, teacher, learner, course)
     assert_close(scaled.advantages, (raw.advantages - 1) / 4)
@@ -390,7 +396,7 @@ def test_the_moments_remembered_are_those_of_the_students_last_own_batch():
     task = reach(n_iterations=2, select=keeps(EVERYTHING))
     learner = learner_of(task, [0])
     task = with_transfer(task, TransferConfig())
-    course = course_for(task, learner, taught_by(stranger(task)))
+    course = course_for(task, learner, teachers_of(untrained_teacher(task)))
     remembered = [torch.cat(course.last.moments) for _ in train(task, learner, course)]
     assert torch.equal(remembered[0], remembered[1])
     assert not torch.equal(remembered[0], torch.tensor([[0.0], [1.0]]))
@@ -398,7 +404,7 @@ def test_the_moments_remembered_are_those_of_the_students_last_own_batch():
 
 def test_numbers_of_an_iteration():
     task = reach(n_iterations=3, n_steps=64, select=keeps(0.5))
-    _, stats = trained(task, seeds=(0, 1), teacher=stranger(task, 2), kickstart_decay=0.5)
+    _, stats = trained(task, seeds=(0, 1), teacher=untrained_teacher(task, 2), kickstart_decay=0.5)
     own, taught, again = (stat.metrics for stat in stats)
     for numbers in (own, taught, again):
         assert all(number.shape == (2,) for number in numbers.values())
@@ -430,7 +436,7 @@ def test_teacher_episodes_are_a_number_of_their_own():
     steps = []
     for episodes in (1, 3):
         teach = task.with_settings([f"transfer.teacher_episodes={episodes}"])
-        instances_from(teach, learner, taught_by(stranger(task)), 2)
+        instances_from(teach, learner, teachers_of(untrained_teacher(task)), 2)
         steps.append(int(learner.env_steps[0]))
     assert steps[1] - steps[0] > steps[0]
 

@@ -1,7 +1,14 @@
 import numpy as np
 import pytest
 import torch
-from small_learners import course_for, learner_of, stranger, taught_by, transferring, with_transfer
+from small_learners import (
+    course_for,
+    learner_of,
+    teachers_of,
+    transfer_config,
+    untrained_teacher,
+    with_transfer,
+)
 from small_tasks import guess, reach
 from torch.testing import assert_close
 
@@ -131,10 +138,10 @@ def test_a_time_limit_may_be_terminal():
 @pytest.mark.parametrize("image", [False, True])
 def test_a_teacher_fills_the_memory_in_the_first_iterations_only(image):
     task = learning(guess(image=image, n_iterations=3))
-    task = with_transfer(task, transferring(iterations=2))
+    task = with_transfer(task, transfer_config(iterations=2))
     learner = learner_of(task, [0, 1])
     before = learner.student.storage.clone()
-    stats = list(learn(task, learner, taught_by(stranger(task, 2))))
+    stats = list(learn(task, learner, teachers_of(untrained_teacher(task, 2))))
     assert [stat.phase for stat in stats] == ["instance", "instance", "ppo"]
     assert "kept_fraction" in stats[0].metrics
     assert "kept_fraction" not in stats[2].metrics
@@ -157,7 +164,7 @@ def test_the_same_seed_gives_the_same_bits_and_seeds_do_not_meet():
     ends = []
     for seeds in ([4, 7], [4, 7], [7]):
         learner = learner_of(task, seeds)
-        list(learn(task, learner, taught_by(stranger(task, len(seeds)))))
+        list(learn(task, learner, teachers_of(untrained_teacher(task, len(seeds)))))
         ends.append(learner.student.storage.clone())
     assert torch.equal(ends[0], ends[1])
     assert_close(ends[0][1], ends[2][0], rtol=1e-4, atol=1e-6)
@@ -168,7 +175,7 @@ def test_teachers_share_the_steps_of_an_iteration_with_the_student():
     task = task.model_copy(update={"ppo": task.ppo.model_copy(update={"n_episodes": None})})
     task = task.with_settings(["env.kwargs={}"])
     learner = learner_of(task, [0])
-    list(learn(task, learner, taught_by(stranger(task))))
+    list(learn(task, learner, teachers_of(untrained_teacher(task))))
     assert learner.env_steps == 2 * 140
 
 

@@ -42,12 +42,12 @@ def mirrored(track):
 def played(env, seed, steps, options=None):
     """Everything an env says over some random steps, one array per kind."""
     images, infos = env.reset(seed=seed, options=options)
-    told = [[images, *infos.values()]]
+    outputs = [[images, *infos.values()]]
     for t in range(steps):
         actions = np.random.default_rng(t).integers(10, size=64)[: env.num_envs]
         images, rewards, terminations, truncations, infos = env.step(actions)
-        told.append([images, *infos.values(), rewards, terminations, truncations])
-    return told
+        outputs.append([images, *infos.values(), rewards, terminations, truncations])
+    return outputs
 
 
 def assert_same(first, second, rows=slice(None)):
@@ -157,10 +157,10 @@ def test_given_starts_are_kept_at_autoresets(track):
     points, headings = track.pose_at(np.array([0.25, 0.5]))
     assert_allclose(base, points, atol=1e-12)
     assert_allclose(first["heading"], headings, atol=1e-12)
-    told = [first] + [env.step(np.full(2, STRAIGHT_ON))[4] for _ in range(5)]
+    outputs = [first] + [env.step(np.full(2, STRAIGHT_ON))[4] for _ in range(5)]
     for key in STATES:  # nothing of the first episode is left in the second
-        assert_array_equal(told[4][key], told[0][key])
-        assert_array_equal(told[5][key], told[1][key])
+        assert_array_equal(outputs[4][key], outputs[0][key])
+        assert_array_equal(outputs[5][key], outputs[1][key])
 
 
 def test_starts_are_drawn_from_twenty_places(track):

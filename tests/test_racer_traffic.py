@@ -27,16 +27,16 @@ def make(n=2, **kwargs):
 
 
 def played(env, seed, steps=40):
-    """What a car was told in some steps of any actions, as bytes."""
+    """The observations, rewards and infos of a car in some steps of any actions, as bytes."""
     obs, _ = env.reset(seed=seed)
-    told = [{name: part[0].tobytes() for name, part in obs.items()}]
+    outputs = [{name: part[0].tobytes() for name, part in obs.items()}]
     actions = np.random.default_rng(1).integers(10, size=(steps, 1)).repeat(env.num_envs, 1)
     for action in actions:
         obs, reward, terminated, truncated, info = env.step(action)
-        told.append({name: part[0].tobytes() for name, part in obs.items()})
-        told.append((reward[0], terminated[0], truncated[0], *(info[k][0] for k in TERMS)))
+        outputs.append({name: part[0].tobytes() for name, part in obs.items()})
+        outputs.append((reward[0], terminated[0], truncated[0], *(info[k][0] for k in TERMS)))
     env.close()
-    return told
+    return outputs
 
 
 def test_observations_are_in_their_space_and_new_every_step():

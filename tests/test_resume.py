@@ -22,8 +22,8 @@ from repaint_cli.runs.reader import read_run
 CLOCK = {"seconds", "steps_per_second", "tstamp", "wall_clock"}
 
 
-def told(folder):
-    """Everything a run has to say but for the hours of the clock."""
+def contents(folder):
+    """All that a run has written, but for times of the clock."""
     tensors, notes = load(folder / "checkpoint.safetensors")
     del notes["past"]["seconds"]
     best, card = load(folder / "best.safetensors")
@@ -50,7 +50,7 @@ def bits(tensors):
 
 
 def assert_same(folder, other):
-    found, wanted = told(folder), told(other)
+    found, wanted = contents(folder), contents(other)
     for name, value in wanted.items():
         assert found[name] == value, name
 
@@ -84,7 +84,7 @@ def test_a_run_killed_again_and_again_ends_as_an_undisturbed_one(tmp_path, kind,
 def test_a_run_killed_in_any_append_ends_as_an_undisturbed_one(tmp_path, kind, share, n_iterations):
     (tmp_path / "calm").mkdir()
     killed_runs.go_on(kind, tmp_path / "calm" / "run", n_iterations)
-    calm = told(tmp_path / "calm" / "run")
+    calm = contents(tmp_path / "calm" / "run")
     half_done, number = set(), 1
     while True:
         folder = tmp_path / f"wild-{number}" / "run"
@@ -97,7 +97,7 @@ def test_a_run_killed_in_any_append_ends_as_an_undisturbed_one(tmp_path, kind, s
             if path.suffix in (".csv", ".json", ".jsonl") and path.read_bytes()[-1:] != b"\n"
         }
         killed_runs.go_on(kind, folder, n_iterations)
-        assert told(folder) == calm
+        assert contents(folder) == calm
         number += 1
     wanted = {"repaint": set(), "racer": {"TrainingMetrics.json"}}[kind] | {"metrics.csv"}
     assert half_done == (wanted if share == 0.5 else set())
@@ -128,9 +128,9 @@ def test_resume_from_the_command_line(repaint, home):
 
 def test_a_finished_run_is_finished_again(repaint, home):
     repaint(*SCRATCH)
-    before = told(home / "run")
+    before = contents(home / "run")
     assert repaint("transfer", "--resume", "run").code == 0
-    assert told(home / "run") == before
+    assert contents(home / "run") == before
 
 
 def test_a_teacher_that_was_all_but_done(repaint, home, monkeypatch):

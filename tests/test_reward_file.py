@@ -72,8 +72,10 @@ def test_it_pays_what_the_function_says(mine):
     for _ in range(4):
         _, reward, *_, info = env.step(np.full(2, 9))
         racer = env.unwrapped
-        told = [racer.params(row) for row in range(2)]
-        expected = [max(1e-3, 1 - p["distance_from_center"] * 2 / p["track_width"]) for p in told]
+        all_params = [racer.params(row) for row in range(2)]
+        expected = [
+            max(1e-3, 1 - p["distance_from_center"] * 2 / p["track_width"]) for p in all_params
+        ]
         np.testing.assert_allclose(reward, expected)
         np.testing.assert_allclose(info["function"], expected)
 

@@ -174,7 +174,7 @@ def test_actions_are_clipped_for_the_environment_and_for_nobody_else():
     env, first = scripted(counting(3, 2), np.ones((3, 2)))
     policy = gaussian(mean=5.0, std=0.1)
     rollout = collect(env, first, policy, generators(1), n_steps=6)
-    assert_array_equal(env.unwrapped.told, np.ones((3, 2, 1)))
+    assert_array_equal(env.unwrapped.actions, np.ones((3, 2, 1)))
     assert (rollout.actions > 4).all()
     actions = torch.from_numpy(rollout.actions[0])
     expected = policy(actions, [2]).log_prob(actions)
@@ -187,7 +187,7 @@ def test_discrete_actions_arrive_as_they_are():
 
     env, first = scripted(counting(6, 2), np.ones((6, 2)), discrete=3)
     collect(env, first, cycle, generators(1), n_steps=12)
-    assert_array_equal(env.unwrapped.told, np.repeat(np.arange(6) % 3, 2).reshape(6, 2))
+    assert_array_equal(env.unwrapped.actions, np.repeat(np.arange(6) % 3, 2).reshape(6, 2))
 
 
 def test_greedy_takes_the_mode():
@@ -225,7 +225,7 @@ def test_images_are_stored_once_as_bytes_and_only_those_that_count_are_looked_at
     env, first = scripted(obs, np.ones((6, 4)), ends)
     rollout = collect(env, first, policy, generators(2))
     assert looked == [[[0, 1], [2, 3]], [[11], [12, 13]], [[21], []]]
-    for t, actions in enumerate(np.array(env.unwrapped.told)[..., 0]):
+    for t, actions in enumerate(np.array(env.unwrapped.actions)[..., 0]):
         valid = rollout.valid[t].flatten()
         means = obs[t, :, 0, 0, 0][valid] / 100
         assert_allclose(actions[valid], means, atol=5e-3)

@@ -82,8 +82,8 @@ def test_a_transfer_writes_all_it_says_and_says_all_it_writes(repaint, home):
 
     rows = rows_of(folder)
     assert tuple(rows[0]) == COLUMNS
-    told = [(row["iteration"], row["seed"], row["phase"]) for row in rows]
-    assert told == [
+    recorded = [(row["iteration"], row["seed"], row["phase"]) for row in rows]
+    assert recorded == [
         ("1", "5", "representation"), ("1", "6", "representation"),
         ("2", "5", "instance"), ("2", "6", "instance"),
     ]  # fmt: skip
@@ -151,8 +151,10 @@ def test_tensorboard_gets_the_same_numbers(repaint, home):
 
     events = EventAccumulator(str(home / "run" / "tensorboard" / "seed-0")).Reload()
     for name in ("eval_return", "value_loss"):
-        told = [scalar.value for scalar in events.Scalars(name)]
-        assert told == pytest.approx([float(row[name]) for row in rows_of(home / "run")], rel=1e-5)
+        recorded = [scalar.value for scalar in events.Scalars(name)]
+        assert recorded == pytest.approx(
+            [float(row[name]) for row in rows_of(home / "run")], rel=1e-5
+        )
 
 
 def test_a_run_can_be_read_again(repaint, home):
@@ -311,7 +313,7 @@ def test_an_environment_that_breaks_stops_the_run_at_once(repaint, home, fragile
 
 @pytest.fixture(params=["plain", "compiled"])
 def leaping(request, monkeypatch):
-    """Let the third iteration's steps be far too long; return how a run is told to be such."""
+    """Let the third iteration's steps be far too long; return the setting of a run for it."""
     calls, step, view = [], RowAdam.step, compiled.adam_view
 
     def leap(self, policies, critics, scale):

@@ -108,12 +108,12 @@ def test_the_audit_finds_what_is_not_pinned(audit, monkeypatch):
 
 
 def test_the_audit_tells_a_vulnerability_from_silence(audit, tmp_path):
-    told = {"dependencies": [
+    audited = {"dependencies": [
         {"name": "numpy", "version": "1", "vulns": [{"id": "CVE-1", "fix_versions": ["2"]}]},
         {"name": "rich", "version": "15", "vulns": []},
         {"name": "tzdata", "skip_reason": "not found"},
     ]}  # fmt: skip
-    found = audit.vulnerable(tool(tmp_path / "online", json.dumps(told)))
+    found = audit.vulnerable(tool(tmp_path / "online", json.dumps(audited)))
     assert found[:2] == (["numpy 1: CVE-1, mended in 2"], 2)
     found = audit.vulnerable(tool(tmp_path / "offline", "no connection"))
     assert found == ([], 0, "pip-audit got no answer (exit code 0)")

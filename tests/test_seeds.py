@@ -3,7 +3,7 @@ from itertools import product
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
-from small_learners import learner_of, stranger, trained, training, with_transfer
+from small_learners import learner_of, trained, training, untrained_teacher, with_transfer
 from small_tasks import guess, reach
 
 from repaint_cli.learn.evaluation import evaluate
@@ -20,7 +20,7 @@ TASKS = {
 
 def learned(task, seeds, joint=False):
     """Train with a teacher; return the weights, the evaluated returns and all numbers."""
-    learner, stats = trained(task, seeds, stranger(task, len(seeds)), joint=joint)
+    learner, stats = trained(task, seeds, untrained_teacher(task, len(seeds)), joint=joint)
     played = evaluate(learner.student, task, list(seeds), 5, iteration=3)
     return learner.student.storage.numpy(), played.returns, [stat.metrics for stat in stats]
 
@@ -81,7 +81,7 @@ def test_a_seeds_environments_do_not_depend_on_its_neighbours_nor_on_their_numbe
 def test_methods_meet_the_same_evaluation_episodes():
     task = reach()
     scratch, _ = trained(task, [5, 6])
-    taught, _ = trained(task, [5, 6], stranger(task, 2), kickstart_coef=9.0)
+    taught, _ = trained(task, [5, 6], untrained_teacher(task, 2), kickstart_coef=9.0)
     one, other = (evaluate(learner.student, task, [5, 6], 4, 2) for learner in (scratch, taught))
     assert one.env_seeds == other.env_seeds
     assert (one.returns != other.returns).any()

@@ -68,8 +68,8 @@ def test_rows_are_deepracers(tmp_path):
     assert [(row["episode"], row["steps"]) for row in rows] == [
         ("0", "1.0"), ("0", "2.0"), ("0", "3.0"), ("1", "1.0"), ("1", "2.0")
     ]  # fmt: skip
-    told = [(row["episode_status"], row["done"]) for row in rows]
-    assert told == [
+    recorded = [(row["episode_status"], row["done"]) for row in rows]
+    assert recorded == [
         ("prepare", "False"), ("in_progress", "False"), ("lap_complete", "True"),
         ("prepare", "False"), ("in_progress", "False"),
     ]  # fmt: skip
@@ -86,8 +86,8 @@ def test_episodes_count_on_also_over_the_teachers_iterations(tmp_path):
     assert [k for k, _ in read_training(tmp_path)] == [1, 3]
     third = rows_of(tmp_path / "training-simtrace" / "2-iteration.csv")
     assert sorted({row["episode"] for row in third}) == ["4", "5"]
-    told = [(item["episode"], item["trial"], item["phase"]) for item in metrics_of(tmp_path)]
-    assert told == [
+    recorded = [(item["episode"], item["trial"], item["phase"]) for item in metrics_of(tmp_path)]
+    assert recorded == [
         (1, 1, "training"), (2, 2, "training"), (2, 2, "evaluation"), (4, 2, "evaluation"),
         (5, 1, "training"), (6, 2, "training"),
     ]  # fmt: skip
@@ -225,14 +225,14 @@ def test_the_communitys_tools_load_a_training_and_an_evaluation(repaint, home, m
     log = logs.DeepRacerLog(str(home / "mine"))
     log.load()
     table = logs.AnalysisUtils.simulation_agg(log.dataframe())
-    told = json.loads((home / "run" / "eval.json").read_text())
-    assert_allclose(table["reward"], told["returns"][0])
-    assert_allclose(table["progress"], told["progress"][0], atol=1e-4)
-    assert_array_equal(table["steps"], told["lengths"][0])
+    recorded = json.loads((home / "run" / "eval.json").read_text())
+    assert_allclose(table["reward"], recorded["returns"][0])
+    assert_allclose(table["progress"], recorded["progress"][0], atol=1e-4)
+    assert_array_equal(table["steps"], recorded["lengths"][0])
     repaint("eval", "run", "--simtrace", "alone")
     log = logs.DeepRacerLog(str(home / "alone"))
     log.load_evaluation_trace()
-    assert len(log.dataframe()) == sum(told["lengths"][0])
+    assert len(log.dataframe()) == sum(recorded["lengths"][0])
 
 
 def test_only_races_have_such_logs(repaint):

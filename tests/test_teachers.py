@@ -10,11 +10,11 @@ from small_learners import (
     instances_from,
     learner_of,
     spec_of,
-    stranger,
-    taught_by,
+    teachers_of,
     trained,
     training,
-    transferring,
+    transfer_config,
+    untrained_teacher,
     with_transfer,
 )
 from small_tasks import guess, reach
@@ -35,27 +35,27 @@ TASKS = pytest.mark.parametrize("make", [reach, guess])
 def learned(task, teachers, seeds=(0, 1), **transfer):
     """Train to the end with teachers; return the weights and the numbers of each iteration."""
     learner = learner_of(task, seeds)
-    stats = list(training(with_transfer(task, transferring(**transfer)), learner, teachers))
+    stats = list(training(with_transfer(task, transfer_config(**transfer)), learner, teachers))
     return learner.student.storage, [stat.metrics for stat in stats]
 
 
 @TASKS
 def test_two_teachers_that_are_one_are_one_teacher(make):
-    task, teacher = make(n_iterations=1), stranger(make(), 2)
-    one, _ = learned(task, taught_by(teacher), kickstart_coef=0.4)
-    two, _ = learned(task, taught_by(teacher, teacher), kickstart_coef=(0.1, 0.3))
+    task, teacher = make(n_iterations=1), untrained_teacher(make(), 2)
+    one, _ = learned(task, teachers_of(teacher), kickstart_coef=0.4)
+    two, _ = learned(task, teachers_of(teacher, teacher), kickstart_coef=(0.1, 0.3))
     assert_close(one, two, rtol=1e-4, atol=1e-6)
-    even, _ = learned(task, taught_by(teacher, teacher), kickstart_coef=0.4)
+    even, _ = learned(task, teachers_of(teacher, teacher), kickstart_coef=0.4)
     assert_close(one, even, rtol=1e-4, atol=1e-6)
 
 
 @TASKS
 def test_a_teacher_with_beta_0_is_not_asked_for_advice(make):
     task = make(n_iterations=1)
-    teacher, dumb = stranger(task, 2), stranger(task, 2)
+    teacher, dumb = untrained_teacher(task, 2), untrained_teacher(task, 2)
     dumb.policy = None  # to be asked would be an error
-    one, _ = learned(task, taught_by(teacher), kickstart_coef=0.4)
-    two, _ = learned(task, taught_by(teacher, dumb), kickstart_coef=(0.4, 0.0))
+    one, _ = learned(task, teachers_of(teacher), kickstart_coef=0.4)
+    two, _ = learned(task, teachers_of(teacher, dumb), kickstart_coef=(0.4, 0.0))
     assert torch.equal(one, two)
 
 
@@ -63,10 +63,13 @@ def test_a_teacher_with_beta_0_is_not_asked_for_advice(make):
 @pytest.mark.parametrize("compiled", [True, False])
 def test_several_teachers_are_their_weighted_cross_entropies(make, compiled):
     task = make(n_epochs=1, minibatch_size=1000, compiled=compiled)
-    learner, teachers = learner_of(task, [0]), [stranger(task, seed=seed) for seed in (5, 6)]
+    learner, teachers = (
+        learner_of(task, [0]),
+        [untrained_teacher(task, seed=seed) for seed in (5, 6)],
+    )
     rollout = learner.collect(task, 1)
     samples = to_samples(rollout, learner.student.value, task.ppo)
-    target = advise(taught_by(*teachers), torch.tensor([[0.1], [0.3]]), samples, task.transfer)
+    target = advise(teachers_of(*teachers), torch.tensor([[0.1], [0.3]]), samples, task.transfer)
     parts = [describe(teacher.policy, samples) for teacher in teachers]
     student = describe(learner.student.policy, samples)
     expected = sum(
@@ -78,14 +81,18 @@ def test_several_teachers_are_their_weighted_cross_entropies(make, compiled):
 @TASKS
 def test_teachers_share_the_steps_or_episodes_of_one_and_act_apart(make):
     task = make(n_iterations=2, select={"rule": "all"})
-    alone, _ = trained(task, [0], stranger(task), teacher_episodes=4)
+    alone, _ = trained(task, [0], untrained_teacher(task), teacher_episodes=4)
     learner = learner_of(task, [0])
-    settings = transferring(teacher_episodes=4)
-    list(training(with_transfer(task, settings), learner, taught_by(*[stranger(task)] * 2)))
+    settings = transfer_config(teacher_episodes=4)
+    list(
+        training(
+            with_transfer(task, settings), learner, teachers_of(*[untrained_teacher(task)] * 2)
+        )
+    )
     if task.ppo.n_steps:
         assert_array_equal(learner.env_steps, alone.env_steps)
     two, _ = instances_from(
-        with_transfer(task, settings), learner, taught_by(*[stranger(task)] * 2), 2
+        with_transfer(task, settings), learner, teachers_of(*[untrained_teacher(task)] * 2), 2
     )
     seen = two.observations.take(two.rows)[0]
     half = len(seen) // 2
@@ -100,7 +107,7 @@ def test_what_is_shared_is_shared_evenly():
 
 def test_samples_of_several_teachers_are_scaled_together():
     task = reach(select={"rule": "all", "scale": "teacher-batch"})
-    teachers = taught_by(stranger(task, seed=1), stranger(task, seed=2))
+    teachers = teachers_of(untrained_teacher(task, seed=1), untrained_teacher(task, seed=2))
     found, _ = instances_from(task, learner_of(task, [0]), teachers, 2)
     assert_close(found.advantages.mean(), torch.tensor(0.0), atol=1e-5, rtol=0)
     assert_close(found.advantages.std(correction=0), torch.tensor(1.0))
@@ -110,7 +117,7 @@ def test_samples_of_several_teachers_are_scaled_together():
 
 def test_only_those_who_act_give_instances():
     task = reach(select={"rule": "all"})
-    loud, silent = stranger(task, seed=1), stranger(task, seed=2)
+    loud, silent = untrained_teacher(task, seed=1), untrained_teacher(task, seed=2)
     both = [Teacher(loud), Teacher(silent, acts=False)]
     found, _ = instances_from(task, learner_of(task, [0]), both, 2)
     expected, _ = instances_from(task, learner_of(task, [0]), [Teacher(loud)], 2)
@@ -121,8 +128,8 @@ def test_teachers_statistics_enter_the_students_normaliser_only_if_asked():
     task, counts = reach(), []
     for asked in (False, True):
         learner = learner_of(task, [0])
-        taught = with_transfer(task, transferring(teacher_statistics=asked))
-        kept, _ = instances_from(taught, learner, taught_by(stranger(task)), 2)
+        taught = with_transfer(task, transfer_config(teacher_statistics=asked))
+        kept, _ = instances_from(taught, learner, teachers_of(untrained_teacher(task)), 2)
         counts.append(int(learner.student.normalizer.count))
     assert counts == [0, kept.observations.sizes]
 
@@ -131,12 +138,12 @@ def test_teachers_statistics_enter_the_students_normaliser_only_if_asked():
 @pytest.mark.parametrize("rule", ["zeta", "abs", "top", "per", "all"])
 def test_every_rule_trains(make, rule):
     task = make(select={"rule": rule, "threshold": 0.3, "share": 0.3})
-    weights, numbers = learned(task, taught_by(stranger(task, 2)))
+    weights, numbers = learned(task, teachers_of(untrained_teacher(task, 2)))
     assert torch.isfinite(weights).all()
     kept = {"top": 0.3, "per": 0.3, "all": 1.0}.get(rule)
     if kept:
         assert numbers[1]["kept_fraction"] == pytest.approx(kept, abs=0.15)
-    again, _ = learned(task, taught_by(stranger(task, 2)))
+    again, _ = learned(task, teachers_of(untrained_teacher(task, 2)))
     assert torch.equal(weights, again)
 
 
@@ -144,12 +151,12 @@ def test_relevance_needs_both_tasks_rewards_and_is_each_seeds_own():
     task = reach(n_iterations=3, select={"rule": "rbt", "share": 0.3})
     own, other = (np.array(weights) for weights in ((1.0, 0.0), (-1.0, 5.0)))
     runs = [
-        learned(task, [Teacher(stranger(task, 2), weights=weights)], iterations=3)[0]
+        learned(task, [Teacher(untrained_teacher(task, 2), weights=weights)], iterations=3)[0]
         for weights in (own, other)
     ]
     assert torch.isfinite(runs[0]).all()
     assert not torch.equal(*runs)
-    alone, _ = learned(task, [Teacher(stranger(task, 1), weights=own)], [1], iterations=3)
+    alone, _ = learned(task, [Teacher(untrained_teacher(task, 1), weights=own)], [1], iterations=3)
     assert_close(alone[0], runs[0][1], rtol=1e-4, atol=1e-5)
 
 
@@ -158,17 +165,20 @@ def test_relevance_needs_both_tasks_rewards_and_is_each_seeds_own():
 @pytest.mark.parametrize("joint", [False, True])
 def test_every_objective_trains(make, objective, joint):
     task = make(n_epochs=1, objective=objective)
-    weights, numbers = learned(task, taught_by(stranger(task, 2)), joint=joint)
+    weights, numbers = learned(task, teachers_of(untrained_teacher(task, 2)), joint=joint)
     assert torch.isfinite(weights).all()
     assert np.isfinite(numbers[0]["policy_loss"]).all()
-    usual, _ = learned(make(n_epochs=1), taught_by(stranger(task, 2)), joint=joint)
+    usual, _ = learned(make(n_epochs=1), teachers_of(untrained_teacher(task, 2)), joint=joint)
     assert torch.allclose(weights, usual, atol=1e-6) == (objective == "clipped")
 
 
 def test_trpos_instances_are_penalised_by_the_divergence_from_who_acted():
     task = reach(objective="trpo", kl_coef=2.0, select={"rule": "all"})
-    learner, teachers = learner_of(task, [0]), [stranger(task, seed=seed) for seed in (5, 6)]
-    kept, _ = instances_from(task, learner, taught_by(*teachers), 2)
+    learner, teachers = (
+        learner_of(task, [0]),
+        [untrained_teacher(task, seed=seed) for seed in (5, 6)],
+    )
+    kept, _ = instances_from(task, learner, teachers_of(*teachers), 2)
     loss, _ = instance_loss(learner.student, kept, spec_of(task.ppo))
     policy = learner.student.policy(kept.observations.take(kept.rows))
     half = int(kept.counts) // 2
@@ -206,8 +216,8 @@ def test_while_the_critic_learns_alone_no_policy_moves(make, compiled):
     task = make(n_iterations=1, compiled=compiled)
     learner = learner_of(task, [0, 1])
     before, cut = learner.student.storage.clone(), learner.student.n_policy
-    taught = with_transfer(task, transferring(critic_warmup=1))
-    (stat,) = training(taught, learner, taught_by(stranger(task, 2)))
+    taught = with_transfer(task, transfer_config(critic_warmup=1))
+    (stat,) = training(taught, learner, teachers_of(untrained_teacher(task, 2)))
     after = learner.student.storage
     assert stat.phase == "critic"
     assert torch.equal(before[:, :cut], after[:, :cut])
@@ -221,13 +231,13 @@ def test_by_hand_and_as_written_agree_on_the_critic_first(make):
     ends = [
         learned(
             make(n_iterations=1, compiled=compiled, advantages="after"),
-            taught_by(stranger(make(), 2)),
+            teachers_of(untrained_teacher(make(), 2)),
         )
         for compiled in (True, False)
     ]
-    (fast, told), (plain, as_written) = ends
+    (fast, compiled), (plain, as_written) = ends
     assert_close(fast, plain, rtol=1e-3, atol=1e-5)
-    assert told[0].keys() == as_written[0].keys()
+    assert compiled[0].keys() == as_written[0].keys()
 
 
 def test_advantages_after_the_critics_fit_are_other_advantages():
@@ -254,7 +264,7 @@ def test_whole_episodes_are_cut_to_the_steps_asked_for_once_advantages_are_known
     assert abs(batches[0].advantages.mean()) > 1e-6  # standardised over all 72
     kept, _ = instances_from(
         task.model_copy(update={"select": SelectConfig(rule="all")}), learner,
-        taught_by(stranger(task)), 2,
+        teachers_of(untrained_teacher(task)), 2,
     )  # fmt: skip
     assert kept.counts.tolist() == [70]
 
@@ -278,8 +288,8 @@ def test_a_joint_update_after_the_critics_fit_judges_everybody_by_the_fitted_cri
     task = reach(n_iterations=1, advantages="after", compiled=False, select={"rule": "all"})
     learner = learner_of(task, [0])
     before, cut = learner.student.storage.clone(), learner.student.n_policy
-    taught = with_transfer(task, transferring(joint=True))
-    list(training(taught, learner, taught_by(stranger(task))))
+    taught = with_transfer(task, transfer_config(joint=True))
+    list(training(taught, learner, teachers_of(untrained_teacher(task))))
     (at,) = judged
     assert torch.equal(at[:, :cut], before[:, :cut])
     assert not torch.equal(at[:, cut:], before[:, cut:])
@@ -290,7 +300,7 @@ def test_a_joint_update_after_the_critics_fit_judges_everybody_by_the_fitted_cri
 def test_alphas_are_the_policies_own_and_leave_critics_their_rate(compiled):
     task = reach(n_iterations=1, compiled=compiled)
     ends = [
-        learned(task, taught_by(stranger(task, 2)), alpha_1=alpha, kickstart_coef=0.0)[0]
+        learned(task, teachers_of(untrained_teacher(task, 2)), alpha_1=alpha, kickstart_coef=0.0)[0]
         for alpha in (1.0, 0.1)
     ]
     cut = learner_of(task, [0]).student.n_policy

@@ -37,7 +37,7 @@ def _add_all(folder, source, iteration, names, start):
 def test_of_several_who_add_a_name_at_once_one_does(folder, tmp_path):
     source, names = add_teacher(tmp_path), [f"t{i}" for i in range(25)]
     folder.mkdir(parents=True)
-    context = killed_runs.nursery()
+    context = killed_runs.process_context()
     start = context.Barrier(4)
     crowd = [
         context.Process(target=_add_all, args=(folder, source, i, names, start)) for i in range(4)
@@ -63,7 +63,7 @@ def _replace_again_and_again(folder, source, n):
 def test_who_reads_while_another_writes_meets_a_whole_file(folder, tmp_path):
     source = add_teacher(tmp_path)
     _replace_again_and_again(folder, source, 1)
-    context, seen = killed_runs.nursery(), set()
+    context, seen = killed_runs.process_context(), set()
     writer = context.Process(target=_replace_again_and_again, args=(folder, source, 150))
     writer.start()
     while writer.is_alive():

@@ -1,1 +1,1 @@
-"""The command line: the only floor that prints, asks or exits; a small file a command."""
+"""The command line: the only package that prints, asks or exits; a small file per command."""

@@ -77,7 +77,7 @@ def main() -> None:
         sys.exit(2)
     except (KeyboardInterrupt, Abort):
         sys.exit(130)
-    except BrokenPipeError:  # whoever read has gone, as head does
+    except BrokenPipeError:  # the reader has ended, as head does
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(128 + signal.SIGPIPE)
 

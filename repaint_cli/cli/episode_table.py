@@ -10,7 +10,7 @@ from repaint_cli.statistics import mean_ci
 
 
 def table(name: str, seeds: list[int], env: Simulator, episodes: Episodes) -> Table:
-    """Lay out a row per seed: mean return with its interval, and what the simulator says."""
+    """Lay out a row per seed: mean return with its interval, and the columns of the simulator."""
     columns = [env.columns(episodes, s) for s in range(len(seeds))]
     heads = ("seed", "return [95 % CI]", *(column.name for column in columns[0]))
     rows = Table(*heads, title=literal(name), title_justify="left", box=None, padding=(0, 1, 0, 0))
@@ -20,7 +20,7 @@ def table(name: str, seeds: list[int], env: Simulator, episodes: Episodes) -> Ta
 
 
 def cell(column: Column) -> str:
-    """Return what a cell of a seed's column says."""
+    """Return the text of a seed's cell in a column."""
     known = column.values[~np.isnan(column.values)]
     if column.shown == "count":
         return f"{len(known)} of {len(column.values)}"

@@ -34,7 +34,7 @@ class HelpPage(TyperCommand):
             param.help = legible(param.help, encoding)
 
     def collect_usage_pieces(self, ctx: Any) -> list[str]:
-        """Return the words of the usage line; required ones stand bare, as in manuals."""
+        """Return the words of the usage line; required ones without braces, as in manuals."""
         return [piece.strip("{}") for piece in super().collect_usage_pieces(ctx)]
 
     def format_options(self, ctx: Any, formatter: Any) -> None:

@@ -1,4 +1,4 @@
-"""The table of options: what typer does not know of an option, and what follows from it.
+"""The table of options: what typer cannot express of an option, and what follows from it.
 
 A command's options are a named tuple, the table. A field is a row: an option's name, type, default,
 and in its annotation typer's part (metavar, heading, sentence) and a `Rule`.
@@ -29,7 +29,7 @@ class Condition(NamedTuple):
 
     holds: Callable[[Any], object]
     otherwise: str
-    """The error's text; `{option}` is the option, `{other}` what it was held against."""
+    """The error's text; `{option}` is the option, `{other}` what it was checked against."""
 
     def check(self, name: str, other: object) -> None:
         """Check that it holds.
@@ -42,7 +42,7 @@ class Condition(NamedTuple):
 
 
 class Rule(NamedTuple):
-    """What an option stands for, and where it may stand."""
+    """What an option stands for, and with which others it may be used."""
 
     setting: str | Callable[[Any], list[str]] = ""
     """The card's `section.key` that it sets, or a function from its value to settings."""
@@ -57,7 +57,7 @@ class Rule(NamedTuple):
     card: Condition | None = None
     """What must hold of the card, unless the option is "auto" or the algorithm Q-learning."""
     resumable: bool = False
-    """Whether it may stand beside --resume, for it does not change what the run is."""
+    """Whether it may be used with --resume: it does not change the run."""
 
     def settings(self, value: object, algorithm: str) -> list[str]:
         """Return what the option sets on the card, as `section.key=value`.
@@ -157,7 +157,7 @@ def check_card(options: NamedTuple, card: "TaskCard", algorithm: str) -> None:
 
 
 def check_resume(options: NamedTuple, context: "typer.Context") -> None:
-    """Check that beside --resume only options stand that do not change what the run is.
+    """Check that no option beside --resume changes the run.
 
     Raises:
         UsageError: an option that changes the run is typed, even with its default.

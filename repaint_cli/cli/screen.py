@@ -26,7 +26,7 @@ class Screen(Watcher):
 
     def __init__(self) -> None:
         self._unfinished: Plan | None = None
-        """What has begun and is not all written."""
+        """The plan of a run that has begun and whose files are not all written."""
         self._training = False
         self._progress = Progress(
             TextColumn("{task.description}"),
@@ -67,7 +67,7 @@ class Screen(Watcher):
             out.print(f"[yellow]warning:[/yellow] {literal(alarm.text)}")
 
     def end(self, experiment: Experiment, cause: BaseException | None) -> None:
-        """Leave the live display; say after which iteration a run was interrupted."""
+        """Stop the live display; print after which iteration a run was interrupted."""
         if out.is_terminal:
             self._live.stop()
         if isinstance(cause, KeyboardInterrupt | Terminated):
@@ -78,12 +78,12 @@ class Screen(Watcher):
         self._training = not goes_on
 
     def finish(self, trained: TrainedRun) -> None:
-        """Say what was written."""
+        """Print what was written, and the next command."""
         self._unfinished = None
         print_written(trained.written, next_command(trained))
 
     def run(self, train: Callable[..., TrainedRun], *args: object, **options: object) -> None:
-        """Train, and say how to go on if that ends early."""
+        """Train; print the command that goes on with the run if it ends early."""
         try:
             train(*args, watcher=self, **options)
         except (KeyboardInterrupt, Terminated, StoreError):

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 from repaint_cli.cli.options import AsJson, argument
 
 if TYPE_CHECKING:
+    from repaint_cli.tasks.reward_fit import Fit
     from repaint_cli.tasks.similarity import Similarities, Similarity
 
 
@@ -28,12 +29,14 @@ def similarity(
 
     import repaint_cli
 
-    similarities = repaint_cli.similarity(*(names or ()))
+    def print_fit(name: str, fit: "Fit") -> None:
+        if not as_json:
+            print(f"{name} weighs {fit}")
+
+    similarities = repaint_cli.similarity(*(names or ()), on_fit=print_fit)
     pairs = [pair._asdict() for pair in similarities.pairs]
     if as_json:
         return print(json.dumps(pairs[:1] if len(similarities.tasks) == 2 else pairs, indent=2))
-    for name, fit in similarities.fits.items():
-        print(f"{name} weighs {fit}")
     if len(similarities.tasks) > 2:
         return _print_matrix(similarities)
     pair = similarities.pairs[0]

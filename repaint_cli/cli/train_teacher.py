@@ -34,7 +34,7 @@ class TrainTeacherOptions(NamedTuple):
     seeds: Seeds = 1
     seed: Seed = 0
     eval_episodes: EvalEpisodes = None
-    set: Set = None  # behind all that sets something else: it has the last word
+    set: Set = None  # after all other settings: it overrides them
     resume: Resume = None
     name: Annotated[
         str | None,

@@ -1,4 +1,4 @@
-"""What was done in environments, step by step, and how evaluated episodes went: arrays only.
+"""Steps in environments, and evaluated episodes: arrays only.
 
 **S** seeds · **T** steps · **N** environments or **E** episodes per seed · **A** action · **F**
 reward terms · **O** observation.

@@ -13,7 +13,7 @@ from repaint_cli.settings import PPOConfig
 
 @dataclass(frozen=True)
 class LoggedRun:
-    """What a log says of the run that it is of."""
+    """The facts of a run that its log holds."""
 
     ppo: PPOConfig
     """Training."""
@@ -24,7 +24,7 @@ class LoggedRun:
 
 
 class EpisodeLog(ABC):
-    """A seed's log of its episodes, which a resumed run goes on with."""
+    """A seed's log of its episodes; a resumed run appends to it."""
 
     @property
     @abstractmethod
@@ -47,7 +47,7 @@ class EpisodeLog(ABC):
 
     @abstractmethod
     def log_evaluation(self, k: int, steps: Steps, s: int) -> None:
-        """Log how the evaluation of seed s after iteration k went."""
+        """Log the evaluation of seed s after iteration k."""
 
 
 class LogFormat(ABC):

@@ -17,7 +17,7 @@ def _environment_errors(when: str) -> Iterator[None]:
         yield
     except RepaintError:
         raise
-    except Exception as error:  # which raises what it likes
+    except Exception as error:  # of any kind
         reason = (str(error).strip() or "no reason given").splitlines()[0]
         raise CardError(
             f"the environment failed {when}: {type(error).__name__}: {reason}; see where with "

@@ -1,4 +1,4 @@
-"""What a simulator is: everything that a command asks of one.
+"""The interface of a simulator: everything that a command needs of one.
 
 A card's [env] section is a simulator with its settings. A new one subclasses `Simulator` and has a
 line in `registry.REGISTRY`. **S** seeds · **T** steps · **N** environments, **E** episodes a seed.
@@ -27,7 +27,7 @@ class CheckedFile(NamedTuple):
     name: str
     """What it holds, by name."""
     facts: str
-    """What there is to say of it."""
+    """Its facts, for people."""
     picture: Path
     """Where `draw` draws it."""
     draw: Callable[[], None]
@@ -37,7 +37,7 @@ class CheckedFile(NamedTuple):
 
 
 class Simulator(Settings, ABC):
-    """A simulator with its settings; what it does not say has a default here."""
+    """A simulator with its settings; what a subclass does not define has a default here."""
 
     simulator: str
     """Which simulator this is, a name in `REGISTRY`."""
@@ -95,7 +95,7 @@ class Simulator(Settings, ABC):
 
     @property
     def reward_terms(self) -> frozenset[str] | None:
-        """All terms that it can pay, by name; None where only a running environment tells."""
+        """All terms that it can pay, by name; None where only a running environment shows them."""
         return None
 
     def same_world(self, other: "Simulator") -> bool:
@@ -122,7 +122,7 @@ class Simulator(Settings, ABC):
         return ()
 
     def code_at_risk(self) -> str | None:
-        """Return what of somebody's own code or files would run or be read, for people, or None."""
+        """Return what user code would run or user file be read, for people, or None."""
         return None
 
     takes_reward_function: ClassVar[bool] = False
@@ -163,11 +163,11 @@ class Simulator(Settings, ABC):
     """How episodes may end: names of the numbers in the record `status`."""
 
     def columns(self, episodes: Episodes, s: int) -> list[Column]:
-        """Return what a table says of the episodes of seed s, beside their return."""
+        """Return the columns of a table of the episodes of seed s, beside their return."""
         return [Column("length", episodes.lengths[s], "mean")]
 
     def outcomes(self, episodes: Episodes) -> dict[str, Any]:
-        """Return how episodes went, beside returns and lengths, as JSON."""
+        """Return the outcomes of episodes, beside returns and lengths, as JSON."""
         return {}
 
     # Paths and figures
@@ -193,7 +193,7 @@ class Simulator(Settings, ABC):
         records: Mapping[str, np.ndarray],
         observations: Callable[[], np.ndarray],
     ) -> EpisodePaths | None:
-        """Return where evaluated episodes led, if they lead anywhere.
+        """Return the paths of evaluated episodes, where they have any.
 
         Args:
             valid: which steps count, (T, S, E).

@@ -60,14 +60,14 @@ def _link_new(temporary: Path, path: Path) -> None:
     """Give a file its name, unless the name is taken."""
     try:
         os.link(temporary, path)
-    except OSError as error:  # a file system without links cannot tell in one step
+    except OSError as error:  # a file system without links cannot check in one step
         if path.exists() or path.is_symlink():
             raise StoreError(f"{path} exists already") from error
         os.replace(temporary, path)
 
 
 def _sync_folder(folder: Path) -> None:
-    """Let a new name outlive a power failure, where folders can be opened at all."""
+    """Put a new name on the disk, safe from a power failure, where folders can be opened."""
     with suppress(OSError):
         handle = os.open(folder, os.O_RDONLY)
         try:
@@ -100,10 +100,10 @@ def write_text(path: Path, text: str) -> None:
 
 
 def write_from(path: Path, start: int, text: str) -> None:
-    """Put a text in place of all that a file holds from byte `start` on, and see it on the disk.
+    """Put a text in place of all that a file holds from byte `start` on, and put it on the disk.
 
-    It takes as long for a long file as for a short one. Whoever is killed meanwhile leaves a part
-    of the text, after which something of what was there before may stand.
+    It takes as long for a long file as for a short one. A process that is killed meanwhile leaves a
+    part of the text, perhaps followed by a part of the earlier contents.
 
     Raises:
         StoreError: the file is absent or cannot be written, or the disk is full.
@@ -126,7 +126,7 @@ def append_text(path: Path, text: str) -> None:
 
 
 def _sync_data(handle: int) -> None:
-    """Let a file's contents and length outlive a power failure."""
+    """Put a file's contents and length on the disk, safe from a power failure."""
     if hasattr(os, "fdatasync"):  # not on macOS
         os.fdatasync(handle)
     else:

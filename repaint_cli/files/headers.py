@@ -46,7 +46,7 @@ def peek_header(path: Path) -> dict[str, Any]:
     try:
         data = _start_of(path)
         text = data[8 : 8 + int.from_bytes(data[:8], "little")].decode()
-        start = text.index(f'"{KEY}":') + len(f'"{KEY}":')  # before the tensors, which may wait
+        start = text.index(f'"{KEY}":') + len(f'"{KEY}":')  # before the tensors, which are not read
         header = json.loads(_JSON.raw_decode(text, start)[0])
     except (OSError, ValueError, LookupError, TypeError, RecursionError) as error:
         raise CheckpointError(f"{path} has no header of ours: {error!r}") from error
@@ -67,7 +67,7 @@ def _start_of(path: Path) -> bytes:
 
 
 def read_hash(path: Path) -> str | None:
-    """Return the hash that a file's header says its contents have; None of an earlier version.
+    """Return the hash of the contents in a file's header; None in a file of an earlier version.
 
     Raises:
         CheckpointError: the file is absent or damaged.

@@ -1,4 +1,4 @@
-"""Files that somebody else may have written, read with limits.
+"""Files that other people may have written, read with limits.
 
 A regular file of so many bytes, in UTF-8, so many values and so deep: then nothing that comes after
 runs out of memory, stack or time. A file that breaks a limit is a `DamagedFile`; callers raise it

@@ -19,7 +19,7 @@ _HEADER = re.compile(
 
 
 class NotAnArray(ValueError):
-    """Bytes that hold no array of numbers; the message says what they hold instead."""
+    """Bytes that hold no array of numbers; the message names what they hold instead."""
 
 
 def read_npy(data: bytes, kinds: str) -> NDArray[Any]:

@@ -1,4 +1,4 @@
-"""The loop of algorithms 1 and 2; it yields what happened and knows no files and no screen."""
+"""The loop of algorithms 1 and 2; it yields statistics, and neither writes nor prints."""
 
 from collections.abc import Iterator
 from dataclasses import replace

@@ -1,7 +1,7 @@
 """Q-learning with instance transfer: teachers help to fill the replay buffer (paper, appendix A).
 
 The policy's network holds Q(s, a) where a policy would have logits, so that its most likely action
-is the best one: it is evaluated, kept and shown like any other. The critic is not trained.
+is the best one: it is evaluated, saved and shown like any other. The critic is not trained.
 """
 
 from collections.abc import Iterator, Sequence

@@ -1,8 +1,8 @@
 """Where randomness comes from: a run's seed, a purpose and an iteration name every generator.
 
 Neighbouring integer seeds share streams in most simulators (environment 1 of seed 3 is environment
-0 of seed 4), so they are never handed out. And as no generator outlives its iteration, a resumed
-run draws what the undisturbed one drew.
+0 of seed 4), so they are never used. And as every iteration has its own generators, a resumed
+run draws what the uninterrupted one drew.
 """
 
 from enum import IntEnum
@@ -27,7 +27,7 @@ class Purpose(IntEnum):
 def generator(
     seed: int, purpose: Purpose, iteration: int = 0, stream: int = 0
 ) -> np.random.Generator:
-    """Return a generator of its own for one seed, purpose, iteration and, say, teacher."""
+    """Return the generator of one seed, purpose, iteration and stream, such as a teacher."""
     return np.random.default_rng(_sequence(seed, purpose, iteration, stream))
 
 
@@ -43,4 +43,4 @@ def env_seeds(
 
 
 def _sequence(*names: int) -> np.random.SeedSequence:
-    return np.random.SeedSequence(names)  # which does not tell a last 0 from none
+    return np.random.SeedSequence(names)  # in which a last 0 makes no difference

@@ -1,4 +1,4 @@
-"""What an iteration did: what the loops yield, and what metrics.csv holds."""
+"""Statistics of an iteration: the loops yield them, and metrics.csv holds them."""
 
 from dataclasses import dataclass
 from time import perf_counter

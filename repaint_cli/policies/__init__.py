@@ -1,1 +1,1 @@
-"""What acts: networks, distributions over actions, what goes into and out of them."""
+"""Policies: networks, distributions over actions, their inputs and outputs."""

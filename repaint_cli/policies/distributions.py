@@ -34,7 +34,7 @@ class Gaussian:
         return (-0.5 * z * z - self.log_std - 0.5 * log(2 * pi)).sum(-1)
 
     def entropy(self) -> Tensor:
-        """Return the differential entropy, (S, 1): it depends on the state no more than σ does."""
+        """Return the differential entropy, (S, 1): it depends on the state only if σ does."""
         return (self.log_std + 0.5 * log(2 * pi * np.e)).sum(-1)
 
     def cross_entropy(self, other: "Distribution") -> Tensor:

@@ -43,7 +43,9 @@ def save(
     arrays = {name: tensor.detach().contiguous().numpy() for name, tensor in tensors.items()}
     packed = serialized(arrays, metadata={KEY: text})  # two keys would be in any order
     with atomic_write(path, new=new) as temporary:
-        temporary.write_bytes(packed)  # safetensors' own way leaves files behind when it is killed
+        temporary.write_bytes(
+            packed
+        )  # safetensors' own writer leaves files behind when it is killed
 
 
 def load(path: Path, *, finite: bool = True) -> tuple[dict[str, Tensor], dict[str, Any]]:

@@ -1,4 +1,4 @@
 """Figures and films: curves, paths, markers and videos, drawn from arrays.
 
-Nothing here knows a run folder, a simulator or a network.
+Nothing here depends on a run folder, a simulator or a network.
 """

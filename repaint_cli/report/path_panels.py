@@ -58,7 +58,7 @@ class PathPanel:
 
 
 def label_of(name: str, mean_return: float) -> str:
-    """Return what stands over a panel: its name and the mean return."""
+    """Return the label of a panel: its name and the mean return."""
     return f"{name}{chr(10) if len(name) > LONG_NAME else ' · '}return {mean_return:.4g}"
 
 

@@ -78,7 +78,7 @@ def _even(frame: Frame) -> Frame:
 
 
 def caption(frame: Frame, title: str, status: str) -> Frame:
-    """Return the frame with a white strip beneath that says two things, (H + 56, W, 3)."""
+    """Return the frame with a white strip beneath for two texts, (H + 56, W, 3)."""
     height, width, _ = frame.shape
     picture = Image.new("RGB", (width, height + CAPTION_HEIGHT), "white")
     picture.paste(Image.fromarray(frame), (0, 0))

@@ -1,1 +1,1 @@
-"""A run: what was decided, its folder, what it does, how it goes on."""
+"""A run: its plan, its folder, its training, its resumption."""

@@ -1,4 +1,4 @@
-"""Negative transfer, noticed while it happens: what looks wrong in an iteration, and why."""
+"""Signs of negative transfer during training: what looks wrong in an iteration, and why."""
 
 from collections.abc import Iterator, Sequence
 from math import exp
@@ -75,7 +75,7 @@ def _check_kept(report: Report, rule: str) -> Iterator[tuple[str, str]]:
 
 
 def _check_teachers(report: Report) -> Iterator[tuple[str, str]]:
-    """Ask how likely the student finds what the teachers did, and what they earned."""
+    """Ask how likely the teachers' actions are under the student, and what they earned."""
     log_ratio = _mean(report, "log_ratio")
     taught, own = _mean(report, "teacher_return"), _mean(report, "student_return")
     if log_ratio < RARE:
@@ -94,7 +94,7 @@ def _check_teachers(report: Report) -> Iterator[tuple[str, str]]:
 
 
 def _check_outcome(report: Report, before: Sequence[np.ndarray]) -> Iterator[tuple[str, str]]:
-    """Ask whether the critic's expectation of the kept samples came true."""
+    """Ask whether the return fell although the critic expected more of the kept samples."""
     promised = _mean(report, "kept_advantage")
     if not before or not promised > 0:
         return

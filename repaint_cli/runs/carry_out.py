@@ -32,7 +32,7 @@ class TrainedRun:
 
 
 class Watcher:
-    """Follows a training; this one does nothing."""
+    """Follows a training; this base class does nothing."""
 
     def begin(self, experiment: Experiment) -> None:
         """A run is about to train."""

@@ -1,4 +1,4 @@
-"""All that a learner is after an iteration, in one file: what `--resume` goes on from."""
+"""The whole state of a learner after an iteration, in one file: `--resume` starts from it."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -17,7 +17,7 @@ from repaint_cli.policies.networks import ActorCritic
 from repaint_cli.policies.weights import load, load_policy, policy_tensors, save
 
 NETWORKS = "net/"
-"""What the leaves of policies and critics begin with."""
+"""Prefix of the leaves of policies and critics."""
 
 
 def save_learner(path: Path, learner: Learner, course: Course, notes: Mapping[str, Any]) -> None:

@@ -55,7 +55,7 @@ class Standing:
 
 @dataclass(frozen=True)
 class Comparison:
-    """All runs, what they were to reach, and whom they are compared with."""
+    """All runs, the target, and the run that they are compared with."""
 
     task: str
     target: float | None
@@ -103,7 +103,7 @@ def reference_of(runs: Mapping[str, FinishedRun], wanted: str) -> str | None:
 def comparison_of(
     runs: Mapping[str, FinishedRun], reference: str | None, target: float | None
 ) -> Comparison:
-    """Return how runs of one task stand.
+    """Compare runs of one task with a reference.
 
     Args:
         runs: by their labels.

@@ -61,7 +61,7 @@ def write_report(
 
 
 def title_of(comparison: Comparison) -> str:
-    """Return what stands over the figure: the runs if they are few, else how many there are."""
+    """Return the title of the figure: the runs if they are few, else how many there are."""
     labels = [standing.label for standing in comparison.standings]
     return f"{comparison.task}: {', '.join(labels) if len(labels) < 3 else f'{len(labels)} runs'}"
 

@@ -52,7 +52,7 @@ class Evaluation:
 def check_simulator(
     card: TaskCard, noise: str | None, log_folder: Path | None, colour: str
 ) -> None:
-    """Check that a task's simulator has what is asked for.
+    """Check that a task's simulator has noise, logs and colours where they are asked for.
 
     Raises:
         CardError: the simulator has no noise, no logs, or no such colour.

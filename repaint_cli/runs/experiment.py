@@ -1,4 +1,4 @@
-"""A run: train, evaluate, record, checkpoint. Its folder is all that remains and all one needs."""
+"""A run: train, evaluate, record, checkpoint. All that it leaves is in its folder."""
 
 from collections.abc import Iterator
 from contextlib import suppress
@@ -35,7 +35,7 @@ from repaint_cli.zoo import store
 from repaint_cli.zoo.scoring import score
 
 TRAINERS = {"ppo": ppo.train, "q-learning": q_learning.train}
-"""The loops that learn; that of PPO knows the other policy gradients, too."""
+"""The training loops; that of PPO serves the other policy gradients, too."""
 
 
 @dataclass
@@ -47,26 +47,26 @@ class Experiment:
     card: TaskCard
     """The target task as it is carried out."""
     teachers: RunTeachers
-    """Whom to learn from."""
+    """The teachers to learn from."""
     learner: Learner
     """The students, as far as they are."""
     course: Course
     """How the transfer proceeds, as far as it has."""
     record: RunRecord
-    """What run.json says, or will say."""
+    """What run.json holds, or will hold."""
     reference: np.ndarray | None
     """Evaluated mean returns (S, K) of a run from scratch beside this one."""
     state: RunState = field(default_factory=RunState)
     """What else changes from iteration to iteration."""
     notices: list[str] = field(default_factory=list)
-    """What whoever resumed should know."""
+    """Warnings for whoever resumed the run."""
     newest_alarms: list[Alarm] = field(default_factory=list)
     """What looked wrong in the last iteration."""
     _logs: list[EpisodeLog] = field(default_factory=list)
 
     @classmethod
     def begin(cls, plan: Plan) -> "Experiment":
-        """Check the plan, make the student, load the teachers, and only then claim the folder.
+        """Check the plan, make the student, load the teachers, and only then make the folder.
 
         Raises:
             CardError: the task cannot be rolled out as its card says.
@@ -103,7 +103,7 @@ class Experiment:
 
     @classmethod
     def _prepared(cls, plan: Plan) -> "Experiment":
-        """Make everything that is in memory alone."""
+        """Make all that needs no file of the run."""
         spaces, teachers = plan.check()
         student = ActorCritic(spaces, plan.target.net, len(plan.seeds))
         learner = Learner.fresh(student, plan.seeds, plan.target.ppo.learning_rate)
@@ -129,7 +129,9 @@ class Experiment:
             StoreError: another process writes this run, or the disk is full.
         """
         with self.plan.files.locked():
-            torch.set_num_threads(self.record.threads)  # sums in another order are other sums
+            torch.set_num_threads(
+                self.record.threads
+            )  # sums in another order differ in their last digits
             yield from self._run()
 
     def _run(self) -> Iterator[Report]:
@@ -154,7 +156,7 @@ class Experiment:
         finally:
             self.state.seconds = perf_counter() - started
             if outcome != "finished":
-                self._forget_half_done()
+                self._restore_last_iteration()
             self._write_record(outcome)
 
     def save(self, report: Report) -> None:
@@ -186,7 +188,7 @@ class Experiment:
             write_policy(path, self.plan, self.teachers, self.learner, s)
 
     def _settle(self) -> None:
-        """Leave in the folder the finished iterations, all of them and no more."""
+        """Leave exactly the finished iterations in the folder."""
         k = self.learner.iteration
         settle(self.plan, self.state, k)
         for log, position in zip(
@@ -195,14 +197,14 @@ class Experiment:
             log.go_back(k, position)
         self._keep_best()
 
-    def _forget_half_done(self) -> None:
+    def _restore_last_iteration(self) -> None:
         """Go back to the last iteration that is on disk as a whole."""
         seconds = self.state.seconds
         self.state = restore(self.plan, self.teachers, self.learner, self.course)
         self.state.seconds = seconds
         done = self.learner.iteration
         self.record.alarms = [alarm for alarm in self.record.alarms if alarm.iteration <= done]
-        with suppress(RepaintError):  # a full disk, say; whoever resumes does it again
+        with suppress(RepaintError):  # such as a full disk; resuming does it again
             self._settle()
 
     def _write_record(self, state: str) -> None:

@@ -108,7 +108,7 @@ class RunFolder:
         return self.record.is_file()
 
     def claim(self, write: Callable[["RunFolder"], None]) -> None:
-        """Make the folder of a new run at one stroke, with the files that `write` puts into it.
+        """Make the folder of a new run in one step, with the files that `write` puts into it.
 
         Raises:
             StoreError: the folder exists or cannot be made.

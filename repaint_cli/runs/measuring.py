@@ -1,4 +1,4 @@
-"""Evaluations that the course of a transfer goes by: their episodes count as steps."""
+"""Evaluations that decide the course of a transfer: their episodes count as steps."""
 
 import numpy as np
 

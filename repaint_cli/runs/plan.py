@@ -1,4 +1,4 @@
-"""What is decided before a run starts, and as run.json keeps it for whoever resumes it."""
+"""What is decided before a run starts, and is read from run.json when it is resumed."""
 
 import json
 import shlex
@@ -37,7 +37,7 @@ class Plan:
     acting: tuple[Path, ...] | None = None
     """Those whose own samples are learned from; all of them where absent."""
     algorithm: str = "ppo"
-    """Who learns, by its name in `methods.ALGORITHMS`."""
+    """The algorithm, by its name in `methods.ALGORITHMS`."""
     teacher_name: str | None = None
     """What the best evaluated policy is to be called in the user's zoo, if it is to go there."""
     replace: bool = False
@@ -66,7 +66,7 @@ class Plan:
         return self.task.model_copy(update={"transfer": transfer, "select": select})
 
     def check(self) -> tuple[Spaces, RunTeachers]:
-        """Try what would else fail only in the run; return the policies' spaces and the teachers.
+        """Check what would otherwise fail only in the run; return the spaces and the teachers.
 
         Raises:
             CardError: the task cannot be rolled out as its card says, or the number of teachers
@@ -107,7 +107,7 @@ class Plan:
         )
 
     def identity(self, teachers: RunTeachers) -> dict[str, Any]:
-        """Return what makes a run this one and no other, as JSON; any number of iterations is."""
+        """Return what identifies a run, as JSON; the number of iterations is not part of it."""
         task = self.task.model_dump(mode="json")
         task["ppo"]["n_iterations"] = None
         files = [sha256(path) for path in self.task.env.files()]
@@ -128,12 +128,12 @@ class Plan:
         return f"repaint {command} --resume {shlex.quote(str(self.folder))}"
 
     def for_iterations(self, n: int) -> "Plan":
-        """Return it with another number of iterations; nothing else depends on that."""
+        """Return the plan with another number of iterations."""
         return replace(self, task=self.task.with_settings([f"ppo.n_iterations={n}"]))
 
 
 def plan_of(record: RunRecord, task: TaskCard, folder: Path) -> Plan:
-    """Return the plan of an earlier run, with its teachers' files found again.
+    """Return the plan of an earlier run, with the files of its teachers.
 
     Args:
         record: its run.json.

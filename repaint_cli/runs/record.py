@@ -22,26 +22,26 @@ from repaint_cli.settings import first_problem
 from repaint_cli.tasks.methods import ALGORITHMS, METHODS
 
 MOST_ALARMS = 1000
-"""Alarms that are recorded: what has to be said so often need not be said more often."""
+"""Alarms that are recorded at most."""
 
 DECIDED = ("algorithm", "teacher_name", "replace", "keep")
-"""What schema 2 and earlier left out of what was decided before a run."""
+"""Decisions before a run that schema 2 and earlier left out."""
 
 BEGINNING = ("versions", "threads", "resumed")
-"""With what a run began, which numbers depend on."""
+"""What a run began with; results depend on it."""
 
 
 class Alarm(BaseModel):
-    """Something that looks like negative transfer, or like none."""
+    """Something in an iteration that looks wrong."""
 
     model_config = ConfigDict(frozen=True)
 
     iteration: int
     """After which it was noticed."""
     kind: str
-    """What it is, in a word."""
+    """Its kind, in a word."""
     text: str
-    """What it is, in a sentence."""
+    """Its text, a sentence."""
 
 
 class TeacherRecord(BaseModel):
@@ -76,7 +76,7 @@ class RunRecord(BaseModel):
     state: str = ""
     """running, interrupted or finished."""
     algorithm: str = "ppo"
-    """Who learns, by its name in `methods.ALGORITHMS`."""
+    """The algorithm, by its name in `methods.ALGORITHMS`."""
     method: str
     """By its name in `methods.METHODS`."""
     seeds: Annotated[list[NonNegativeInt], Field(min_length=1)]
@@ -92,7 +92,7 @@ class RunRecord(BaseModel):
     keep: PositiveInt = 1
     """How many checkpoints to keep."""
     teachers: list[TeacherRecord]
-    """Whom the run learns from, (M,)."""
+    """The teachers that the run learns from, (M,)."""
     automatic: bool = False
     """Whether the transfer goes by measurements."""
     versions: dict[str, str] = {}
@@ -188,7 +188,7 @@ class RunRecord(BaseModel):
                 raise CheckpointError(f"{files.record} does not say with what it began: {name!r}")
 
     def go_on_with(self, versions: Mapping[str, str]) -> list[str]:
-        """Note the versions of a resumed run where they are others; return what to say of them."""
+        """Note the versions of a resumed run where they differ; return warnings about them."""
         last = self.resumed[-1].versions if self.resumed else self.versions
         changed = [
             f"{name} {last.get(name)} → {versions.get(name)}"
@@ -211,7 +211,7 @@ def alarms_until(k: int, files: RunFolder, record: RunRecord) -> list[Alarm]:
     if files.new_alarms.exists():
         with reported_as(CheckpointError):
             data = read_bytes(files.new_alarms)
-    *lines, _ = data.split(b"\n")  # after the last end of a line stands what is half written
+    *lines, _ = data.split(b"\n")  # the text after the last end of a line is half written
     try:
         new = [Alarm.model_validate_json(line) for line in lines]
     except ValidationError as error:

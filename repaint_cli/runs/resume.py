@@ -1,4 +1,4 @@
-"""What a run has behind it beside its learner: put on disk with every iteration, and read again."""
+"""The state of a run beside its learner: written with every iteration, and read when resumed."""
 
 import os
 import shutil
@@ -23,7 +23,7 @@ from repaint_cli.runs.teachers import RunTeachers
 
 @dataclass
 class RunState:
-    """What the run remembers beside its learner; its size is that of one iteration."""
+    """The state of a run beside its learner; its size does not grow with the iterations."""
 
     seconds: float = 0.0
     """How long the run has taken."""
@@ -34,9 +34,9 @@ class RunState:
     returns: list[np.ndarray] = field(default_factory=list)
     """Evaluated returns (S, E) after the last iterations, as many as alarms look back."""
     logs: list[Mapping[str, float]] = field(default_factory=list)
-    """How far each seed's log of its drives is."""
+    """How far each seed's log of its episodes is."""
     notices: list[str] = field(default_factory=list)
-    """What was wrong with how it was read."""
+    """Warnings from reading it."""
     source: Path | None = None
     """The checkpoint that it was read from."""
 
@@ -112,9 +112,9 @@ def _copy(path: Path, other: Path) -> None:
 
 
 def restore(plan: Plan, teachers: RunTeachers, learner: Learner, course: Course) -> RunState:
-    """Put a learner and its course back to a run's last whole iteration; return what else was.
+    """Restore a learner and its course after a run's last whole iteration; return the rest.
 
-    A run that was stopped before its first checkpoint begins anew. Where the newest checkpoint is
+    A run that was stopped before its first checkpoint starts anew. Where the newest checkpoint is
     damaged, the newest whole one of those kept counts.
 
     Raises:

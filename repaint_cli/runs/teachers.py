@@ -1,4 +1,4 @@
-"""A run's teachers: checked, loaded, weighed; and a student that starts from one."""
+"""A run's teachers: checked and loaded; and a student that starts from one."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -118,7 +118,7 @@ def _check_relevance(task: TaskCard, spaces: Spaces) -> None:
 
 
 def with_terms_of(cards: Sequence[TeacherCard], task: TaskCard) -> TaskCard:
-    """Return the target with the teachers' terms too, where it is asked what each would be paid.
+    """Return the target with the teachers' terms too, where their own rewards are needed.
 
     That is for selection by relevance; terms that the target does not name weigh 0 in it.
     """

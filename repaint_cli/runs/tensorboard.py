@@ -40,7 +40,7 @@ class Events:
             writer.close()
 
     def add(self, report: Report) -> None:
-        """Write an iteration's numbers; what an earlier process wrote of it and later is void."""
+        """Write an iteration's numbers; events of an earlier process from there on are purged."""
         from torch.utils.tensorboard import SummaryWriter
 
         first = report.stats.iteration

@@ -39,7 +39,7 @@ def plan_methods(
 def train_plans(plans: Sequence[Plan], jobs: int = 1) -> Iterator[Path]:
     """Carry out plans, as many at a time as there are jobs; yield the folders as they finish.
 
-    Several jobs share the cores evenly, so that processes do not fight for them.
+    Several jobs share the cores evenly, so that processes do not compete for them.
 
     Raises:
         UsageError: there is no job.
@@ -71,7 +71,7 @@ def _cores() -> int:
 def _train(plan: Plan, threads: int | None) -> tuple[Path, RepaintError | None]:
     """Train as planned and draw the run; a process of several has its own threads."""
     if threads:
-        os.environ["OMP_NUM_THREADS"] = str(threads)  # which EnvPool asks for
+        os.environ["OMP_NUM_THREADS"] = str(threads)  # which EnvPool reads
     try:
         experiment = Experiment.begin(plan)
         for _ in experiment.run():

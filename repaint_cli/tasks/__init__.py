@@ -1,1 +1,1 @@
-"""What is to be learned (a task) and with which numbers (a recipe); a card is both."""
+"""Tasks, which are to be learned, and recipes, the numbers to learn them with; cards are both."""

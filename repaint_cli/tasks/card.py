@@ -25,14 +25,14 @@ class Titled(Settings):
     @field_validator("name")
     @classmethod
     def _of_one_folder(cls, name: str) -> str:
-        """Refuse names that lead elsewhere: the folder of a task's runs is called so, too."""
+        """Refuse names with path separators: the folder of a task's runs has this name, too."""
         if not name.isprintable() or set(name) & set("/\\[]") or name in ("", ".", ".."):
             raise ValueError("expected a name that a folder can have, without / \\ [ ]")
         return name
 
 
 class TaskCard(Recipe, Task, Titled):
-    """A task, its recipe, its name and a sentence; unlike tasks, equal cards say all the same."""
+    """A task, its recipe, its name and a sentence; equal cards are equal in every field."""
 
     __eq__ = Settings.__eq__
     __hash__ = None  # type: ignore[assignment]
@@ -40,7 +40,7 @@ class TaskCard(Recipe, Task, Titled):
     @field_validator("transfer")
     @classmethod
     def _method_decides(cls, transfer: TransferConfig) -> TransferConfig:
-        """Refuse joint updates on a card: which parts of REPAINT are on is the method's matter."""
+        """Refuse joint updates on a card: the method decides which parts of REPAINT are on."""
         if transfer.joint:
             problem = PydanticCustomError("joint", "expected False; use --method repaint-joint")
             where = InitErrorDetails(type=problem, loc=("joint",), input=True)
@@ -54,7 +54,7 @@ class TaskCard(Recipe, Task, Titled):
 
     @property
     def logged(self) -> LoggedRun:
-        """What logs say of a run on this card."""
+        """What logs hold of a run on this card."""
         source = self.reward_code.source if self.reward_code else None
         return LoggedRun(self.ppo, len(self.net.conv_torso.layers), source)
 

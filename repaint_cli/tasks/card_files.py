@@ -1,6 +1,6 @@
 """Task cards on disk: TOML that people write; the shipped ones lie in `tasks/`.
 
-A card may extend a shipped one and then says only what is new.
+A card may extend a shipped one and then holds only what differs.
 """
 
 import os
@@ -60,9 +60,9 @@ def _resolve(path: Path) -> dict[str, Any]:
 
 
 def _resolve_files(data: dict[str, Any], basis: dict[str, Any], folder: Path) -> None:
-    """Put in place what [env] and [ppo] say about files, which lie beside the card.
+    """Replace the names of files in [env] and [ppo], which lie beside the card, by their contents.
 
-    What a section says itself outranks its file.
+    The values of a section override those of its file.
     """
     env, ppo = (data.get(section) for section in ("env", "ppo"))
     if isinstance(env, dict):

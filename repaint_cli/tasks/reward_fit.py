@@ -14,7 +14,7 @@ from repaint_cli.errors import CardError
 from repaint_cli.tasks.card import TaskCard
 
 LEAST_R_SQUARED = 0.9
-"""Below this a function is no weighted sum, and a cosine would say nothing."""
+"""Below this a function is no weighted sum, and a cosine would be meaningless."""
 NEGLIGIBLE = 0.02
 """A term that moves the reward by less, in its standard deviations, weighs 0."""
 

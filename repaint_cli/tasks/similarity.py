@@ -1,6 +1,6 @@
 """How alike two tasks are, by the weights of their reward terms (paper, section 6)."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import hypot
 from typing import NamedTuple
@@ -37,14 +37,18 @@ def relation(teacher: Task, target: Task) -> str:
     """Return the paper's verdict on a teacher's task for a target task (section 6).
 
     "similar" where the cosine is above 0, else "different"; and "sub-task" where the teacher's
-    weight is 0 on a term whose weight in the target is not. The last is directed: swap the two and
-    it may vanish.
+    weight is 0 on a term whose weight in the target is not. The last is directed: it may not
+    hold with the two exchanged.
     """
     similarity = cosine(teacher, target)
     if similarity is None:
         return "not comparable"
     part = any(weight and not teacher.reward.get(name) for name, weight in target.reward.items())
     return ("similar" if similarity > 0 else "different") + (", sub-task" if part else "")
+
+
+OnFit = Callable[[str, Fit], object]
+"""Is called with a task's name and the weights that were fitted to its reward function."""
 
 
 class Similarity(NamedTuple):
@@ -80,7 +84,7 @@ class Similarities:
         return Similarity(teacher.name, target.name, value, relation(teacher, target))
 
     def groups(self) -> list[list[TaskCard]]:
-        """Return the tasks in groups whose weights compare."""
+        """Return the tasks in groups within which cosines exist."""
         groups, left = [], list(self.tasks)
         while left:
             first = left[0]
@@ -89,13 +93,21 @@ class Similarities:
         return groups
 
 
-def similarities_of(cards: Sequence[TaskCard]) -> Similarities:
+def similarities_of(cards: Sequence[TaskCard], on_fit: OnFit | None = None) -> Similarities:
     """Compare tasks, with weights fitted in place of reward functions.
+
+    Args:
+        cards: the tasks.
+        on_fit: called with a task's name and what was fitted, before it is judged.
 
     Raises:
         CardError: a reward function is no weighted sum of the simulator's terms, or failed.
     """
-    fits = {card.name: fit(card) for card in cards if card.reward_code}
-    return Similarities(
-        [with_fitted_weights(c, fits[c.name]) if c.reward_code else c for c in cards], fits
-    )
+    tasks, fits = list(cards), dict[str, Fit]()
+    for i, card in enumerate(cards):
+        if card.reward_code:
+            fits[card.name] = fit(card)
+            if on_fit:
+                on_fit(card.name, fits[card.name])
+            tasks[i] = with_fitted_weights(card, fits[card.name])
+    return Similarities(tasks, fits)

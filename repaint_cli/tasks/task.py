@@ -1,6 +1,6 @@
 """A task is an environment and the weights w of its reward terms φ: what is to be learned.
 
-With which numbers it is learned stands in a recipe; a card is both.
+The numbers with which it is learned are a recipe; a card is both.
 """
 
 from collections.abc import Iterable, Mapping
@@ -96,12 +96,12 @@ class Task(Settings):
         return [self.reward.get(name, 0.0) for name in terms]
 
     def naming(self, terms: Iterable[str]) -> Self:
-        """Return the same task that names these terms too, with weight 0 where it did not."""
+        """Return the same task with these terms too, with weight 0 where it has none."""
         absent = {name: 0.0 for name in sorted(terms) if name not in self.reward}
         return self.model_copy(update={"reward": self.reward | absent}) if absent else self
 
     def code_at_risk(self) -> str | None:
-        """Return what of it is somebody's own code or file, for people; None where nothing is."""
+        """Return what of it is user code or a user file, for people; None where nothing is."""
         if self.reward_code:
             return f"the reward function {self.reward_code.name}"
         return self.env.code_at_risk()

@@ -24,7 +24,7 @@ def allow(task: Task) -> None:
         return
     with write_errors(_path()):
         _path().parent.mkdir(parents=True, exist_ok=True)
-        with _path().open("a", encoding="utf-8") as file:  # a line at a stroke: others may write
+        with _path().open("a", encoding="utf-8") as file:  # a line in one write: others may write
             file.write(f"{_fingerprint(task)}  {task.code_at_risk()!r}\n")
 
 

@@ -19,7 +19,7 @@ class LoadedTeacher:
     """A teacher from its file."""
 
     card: TeacherCard
-    """What its file says of it: task, score, spaces, where it comes from."""
+    """The card in its file: task, score, spaces, origin."""
     network: ActorCritic
     """Its policy and critic, with a seed axis of 1."""
 

@@ -24,7 +24,7 @@ from repaint_cli.tasks.card_files import read_task
 from repaint_cli.zoo import store
 from repaint_cli.zoo.teacher_card import TeacherCard
 
-AS_WRITTEN = "ppo.compiled=false"  # what is compiled takes a while to load
+AS_WRITTEN = "ppo.compiled=false"  # compiled code takes a while to load
 AUTO = (
     "transfer.phases=auto", "transfer.kickstart_schedule=auto", "select.rule=auto",
     "transfer.iterations=12", "ppo.learning_rate=0.01",
@@ -44,7 +44,7 @@ RUNS = {
         ("q_learning.gradient_steps=20", "q_learning.memory=200"),
     ),
 }  # fmt: skip
-"""Kinds of runs that differ in what has to be remembered: task, method, algorithm, settings."""
+"""Kinds of runs that differ in what has to be restored: task, method, algorithm, settings."""
 
 
 def plan(kind, folder, n_iterations=12):
@@ -57,12 +57,12 @@ def plan(kind, folder, n_iterations=12):
 
 
 def add_teacher(task, folder):
-    """A teacher that knows the task."""
+    """A teacher that has learned the task."""
     path = folder / "old-hand.safetensors"
     if path.exists():
         return path
-    lessons = getattr(small_tasks, task.name)(n_iterations=12, learning_rate=0.02)
-    learner, _ = trained(lessons, seeds=[7], instance=0)
+    card_to_learn = getattr(small_tasks, task.name)(n_iterations=12, learning_rate=0.02)
+    learner, _ = trained(card_to_learn, seeds=[7], instance=0)
     spaces = learner.student.spaces
     card = TeacherCard(
         name="old-hand", task=task, obs_shape=spaces.obs_shape, n_actions=spaces.n_actions,
@@ -87,27 +87,27 @@ def go_on(kind, folder, n_iterations=12):
 real_append = os.write
 
 
-def _die(*_, **__):
+def _kill_self(*_, **__):
     os.kill(os.getpid(), signal.SIGKILL)
 
 
-def _dying(kind, folder, fate):
-    """Go on with a run and die before, after or half-way through its `fate`th file operation."""
-    rng = random.Random(fate)
+def _run_until_killed(kind, folder, case):
+    """Go on with a run and kill it before, after or in a file operation that `case` decides."""
+    rng = random.Random(case)
     left = [rng.randint(1, 150 if kind == "racer" else 45)]
 
     def killable(operation):
         def carried_out(*args, **kwargs):
             left[0] -= 1
             if left[0] == 0 and rng.random() < 0.5:
-                _die()
+                _kill_self()
             if left[0] == 0 and operation is real_append:
-                _append_and_die(*args, rng.choice((0.5, 1)))
+                _append_and_kill_self(*args, rng.choice((0.5, 1)))
             done = operation(*args, **kwargs)
             if left[0] == 0:
                 if operation is real_write:
                     os.truncate(args[0], os.path.getsize(args[0]) // 2)
-                _die()
+                _kill_self()
             return done
 
         return carried_out
@@ -120,27 +120,27 @@ def _dying(kind, folder, fate):
     go_on(kind, folder)
 
 
-def _append_and_die(handle, data, share):
+def _append_and_kill_self(handle, data, share):
     """Write a part of what is to be appended, and have it on disk."""
     real_append(handle, data[: round(len(data) * share)])
-    _die()
+    _kill_self()
 
 
-def _dying_in_append(kind, folder, number, share, n_iterations):
+def _run_until_killed_in_append(kind, folder, number, share, n_iterations):
     """Go on with a run and die in its `number`th append, of which a share is on disk."""
     left = [number]
 
     def append(handle, data):
         left[0] -= 1
-        return real_append(handle, data) if left[0] else _append_and_die(handle, data, share)
+        return real_append(handle, data) if left[0] else _append_and_kill_self(handle, data, share)
 
     atomic.os.write = append
     go_on(kind, folder, n_iterations)
 
 
 @cache
-def nursery():
-    """Where processes begin that have imported all they need."""
+def process_context():
+    """The context of new processes, whose server has imported all they need."""
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload(["killed_runs"])
     with pytest.MonkeyPatch.context() as patch:
@@ -149,18 +149,20 @@ def nursery():
     return context
 
 
-def killed(kind, folder, fate):
-    """Go on with a run until fate has it, or its end; return whether it was killed."""
-    if not fate % 2:
-        return _ended(nursery().Process(target=_dying, args=(kind, folder, fate)))
-    after = random.Random(fate).uniform(0.02, 4 if kind == "racer" else 0.6)
-    return _ended(nursery().Process(target=go_on, args=(kind, folder)), after)
+def killed(kind, folder, case):
+    """Go on with a run until it is killed, or its end; return whether it was killed."""
+    if not case % 2:
+        return _ended(
+            process_context().Process(target=_run_until_killed, args=(kind, folder, case))
+        )
+    after = random.Random(case).uniform(0.02, 4 if kind == "racer" else 0.6)
+    return _ended(process_context().Process(target=go_on, args=(kind, folder)), after)
 
 
 def killed_in_append(kind, folder, number, share, n_iterations):
     """Go on with a run until its `number`th append, or its end; return whether it was killed."""
     args = kind, folder, number, share, n_iterations
-    return _ended(nursery().Process(target=_dying_in_append, args=args))
+    return _ended(process_context().Process(target=_run_until_killed_in_append, args=args))
 
 
 def _ended(child, after=None):

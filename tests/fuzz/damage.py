@@ -1,6 +1,6 @@
-"""Files as nobody should write them: bytes and values put where they do not belong.
+"""Damaged files: bytes and values put where they do not belong.
 
-Everything is drawn from a `random.Random` or from hypothesis, so that a case can be had again.
+Everything is drawn from a `random.Random` or from hypothesis, so that a case can be repeated.
 """
 
 import copy
@@ -16,7 +16,7 @@ from safetensors.torch import save_file
 from repaint_cli.files.headers import KEY
 from repaint_cli.policies.weights import load
 
-NASTY = [
+ODD_BYTES = [
     b"\0", b"\xff\xfe", b"\xef\xbb\xbf", b"\xed\xa0\x80", b"NaN", b"Infinity", b"-Infinity",
     b"1e999", b"-1", b"0", b"1e300", b"1e-300", b"9" * 400, b"9" * 5000, b"0x" + b"f" * 5000,
     b"18446744073709551616", b"[" * 50, b"[" * 2000, b"{" * 50, b'{"a":' * 2000, b'"', b"'", b"\\",
@@ -26,7 +26,9 @@ NASTY = [
     b"__import__('os').system('touch ran')", b"os:Reacher-v5", b"|O8", b"(1000000000000, 6)",
 ]  # fmt: skip
 
-TEXTS = st.text(max_size=20) | st.sampled_from([word.decode("utf-8", "replace") for word in NASTY])
+TEXTS = st.text(max_size=20) | st.sampled_from(
+    [word.decode("utf-8", "replace") for word in ODD_BYTES]
+)
 NUMBERS = (
     st.integers(-3, 3)
     | st.integers()
@@ -52,7 +54,7 @@ def cut(rng, data, _):
 
 
 def spliced(rng, data, others):
-    """A piece of a file, of whatever kind, stands in another."""
+    """A piece of a file, of any kind, is put into another."""
     other = rng.choice(others)
     start = rng.randrange(len(other))
     piece = other[start : start + rng.choice([8, 64, 1024])]
@@ -61,20 +63,20 @@ def spliced(rng, data, others):
 
 
 def seeded(rng, data, _):
-    """Something nasty is put in, or in place of something."""
+    """Odd bytes are put in, or in place of others."""
     for _ in range(rng.choice([1, 1, 3])):
         at, gone = rng.randrange(len(data)), rng.choice([0, 1, 4, 32])
-        data = data[:at] + rng.choice(NASTY) + data[at + gone :]
+        data = data[:at] + rng.choice(ODD_BYTES) + data[at + gone :]
     return data
 
 
 def renumbered(rng, data, _):
-    """A number becomes something nasty."""
+    """A number becomes odd bytes."""
     found = list(re.finditer(rb"-?\d+(\.\d+)?", data))
     if not found:
         return flipped(rng, data, _)
     where = rng.choice(found)
-    return data[: where.start()] + rng.choice(NASTY) + data[where.end() :]
+    return data[: where.start()] + rng.choice(ODD_BYTES) + data[where.end() :]
 
 
 def shuffled(rng, data, _):
@@ -176,12 +178,8 @@ def safetensors_cases(data):
     card = json.loads(header["__metadata__"][KEY])
 
     def packed(document, is_card):
-        told = dict(header)
-        if is_card:
-            told["__metadata__"] = {KEY: json.dumps(document)}
-        else:
-            told = document
-        text = json.dumps(told).encode()
+        new_header = header | {"__metadata__": {KEY: json.dumps(document)}} if is_card else document
+        text = json.dumps(new_header).encode()
         return len(text).to_bytes(8, "little") + text + data[8 + length :]
 
     return grafts(card).map(partial(packed, is_card=True)) | grafts(header).map(
@@ -191,7 +189,7 @@ def safetensors_cases(data):
 
 @st.composite
 def npy_cases(draw, data):
-    """Waypoints of any type and shape, some of them odd, under a header that may lie."""
+    """Waypoints of any type and shape, some of them odd, under a header that may be wrong."""
     rows = np.load(io.BytesIO(data))
     kind = draw(st.sampled_from(["f8", "f4", "f2", "i4", "u8", "c16", "S4", "U2", "?", "M8[s]"]))
     rows = rows[: draw(st.integers(0, len(rows)))]
@@ -206,8 +204,10 @@ def npy_cases(draw, data):
     rows = flat.reshape(shape if flat.size else rows.shape)
     file = io.BytesIO()
     np.save(file, np.asfortranarray(rows) if draw(st.booleans()) else rows)
-    told = file.getvalue()
+    written = file.getvalue()
     if draw(st.booleans()):
-        found = repr(rows.shape).encode()
-        told = told.replace(found, repr(tuple(draw(st.lists(NUMBERS, max_size=3)))).encode(), 1)
-    return told
+        shape_text = repr(rows.shape).encode()
+        written = written.replace(
+            shape_text, repr(tuple(draw(st.lists(NUMBERS, max_size=3)))).encode(), 1
+        )
+    return written

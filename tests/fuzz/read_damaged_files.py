@@ -1,7 +1,7 @@
-"""A process that reads thousands of spoiled files and says what came of it, as JSON.
+"""A process that reads thousands of damaged files and prints the outcomes as JSON.
 
-test_damaged_files.py runs it as a program with the number of files: an audit hook cannot be taken
-off again, and memory is a process's own.
+test_damaged_files.py runs it as a program with the number of files: an audit hook cannot be removed
+again, and memory is a process's own.
 """
 
 import json
@@ -37,7 +37,7 @@ BANNED = (
     "pickle.", "marshal.load", "socket.", "urllib.", "webbrowser.", "ctypes.dlopen", "shutil.",
     "os.remove", "os.rename", "os.rmdir", "os.mkdir", "os.link", "os.symlink", "os.chmod",
 )  # fmt: skip
-"""Events that nothing that only reads has a reason for."""
+"""Events that a reader of files has no reason for."""
 
 
 @dataclass
@@ -45,11 +45,11 @@ class Watch:
     """Notes what files make their readers do, while it is on."""
 
     on: bool = False
-    seen: list[str] = field(default_factory=list)
+    events: list[str] = field(default_factory=list)
 
     def hook(self, event, args):
         if self.on and self.forbidden(event, args):
-            self.seen.append(f"{event} {args!r:.200}")
+            self.events.append(f"{event} {args!r:.200}")
 
     def forbidden(self, event, args):
         if event == "open":
@@ -64,20 +64,20 @@ class Watch:
 
 
 class TooLong(BaseException):
-    """A reader did not come back."""
+    """A reader took too long."""
 
 
 def too_long(*_):
     raise TooLong
 
 
-def forget_peak():
-    with suppress(OSError):  # where it cannot be forgotten, only new peaks are seen
+def reset_peak():
+    with suppress(OSError):  # where it cannot be reset, only new peaks are measured
         Path("/proc/self/clear_refs").write_text("5")
 
 
 def peak():
-    """The most memory that this process has had since the peak was forgotten, bytes."""
+    """The most memory that this process has had since the peak was reset, bytes."""
     try:
         status = Path("/proc/self/status").read_text()
     except OSError:
@@ -87,15 +87,15 @@ def peak():
 
 @cache
 def watch():
-    """The process's one watch: a hook stays for good."""
+    """The process's only watch: a hook cannot be removed."""
     one = Watch()
     sys.addaudithook(one.hook)
     return one
 
 
 @dataclass
-class Judge:
-    """Has a file read, and keeps what should not have happened."""
+class Reading:
+    """Has files read, counts the outcomes, and keeps failures."""
 
     counts: Counter = field(default_factory=Counter)
     failures: list = field(default_factory=list)
@@ -112,14 +112,14 @@ class Judge:
         except RepaintError as error:
             self.counts["refused"] += 1
             if len(str(error)) > 1000:
-                self.blame(name, data, f"a message of {len(str(error))} characters")
+                self.add_failure(name, data, f"a message of {len(str(error))} characters")
         except (Exception, TooLong):
-            self.blame(name, data, traceback.format_exc()[-1500:])
+            self.add_failure(name, data, traceback.format_exc()[-1500:])
 
     @contextmanager
     def watched(self, name, data):
         """Measure time and memory of what is done, and note what it does."""
-        forget_peak()
+        reset_peak()
         before, began = peak(), perf_counter()
         handler = signal.signal(signal.SIGALRM, too_long)
         signal.setitimer(signal.ITIMER_REAL, SECONDS)
@@ -134,18 +134,18 @@ class Judge:
             grown = peak() - before
             self.grown = max(self.grown, grown)
             if grown > MEMORY + 2 * len(data):
-                self.blame(name, data, f"{grown:,} bytes of memory")
-            if watch().seen:
-                self.blame(name, data, "; ".join(watch().seen))
-                watch().seen.clear()
+                self.add_failure(name, data, f"{grown:,} bytes of memory")
+            if watch().events:
+                self.add_failure(name, data, "; ".join(watch().events))
+                watch().events.clear()
 
-    def blame(self, name, data, what):
+    def add_failure(self, name, data, what):
         self.failures.append(
             f"{name}, case {self.counts['cases']}, {len(data)} bytes {data[:300]!r}: {what}"
         )
 
 
-def graft(judge, name, target, n_cases):
+def graft(reading, name, target, n_cases):
     """Have hypothesis put values where they do not belong."""
 
     @settings(
@@ -153,29 +153,29 @@ def graft(judge, name, target, n_cases):
         database=None, suppress_health_check=list(HealthCheck),
     )  # fmt: skip
     @given(target.cases(target.sound))
-    def judged(data):
-        judge.case(name, target, data)
+    def read_case(data):
+        reading.case(name, target, data)
 
-    judged()
+    read_case()
 
 
-def judge_all(targets, judge, n_cases):
+def read_all(targets, reading, n_cases):
     """A third of the cases are grafted by hypothesis, the others spoiled byte by byte."""
     others = [target.sound for target in targets.values()]
     for name, target in targets.items():
         share = n_cases // len(targets) + 1
 
-        before = judge.counts["cases"]
-        graft(judge, name, target, share // 3 + 1)
+        before = reading.counts["cases"]
+        graft(reading, name, target, share // 3 + 1)
         rng = random.Random(name)
-        while judge.counts["cases"] < before + share:
-            judge.case(name, target, damage.spoiled(rng, target.sound, others))
+        while reading.counts["cases"] < before + share:
+            reading.case(name, target, damage.spoiled(rng, target.sound, others))
         target.path.write_bytes(target.sound)
 
 
 def main(n_cases):
     warnings.simplefilter("error")
-    judge = Judge()
+    reading = Reading()
     began = perf_counter()
     with tempfile.TemporaryDirectory() as folder:
         os.chdir(folder)
@@ -183,19 +183,19 @@ def main(n_cases):
         for _ in range(2):  # compiles and imports what comes late
             for target in targets.values():
                 target.read()
-        graft(Judge(), *next(iter(targets.items())), 20)  # hypothesis makes its tables
-        judge_all(targets, judge, n_cases)
+        graft(Reading(), *next(iter(targets.items())), 20)  # hypothesis makes its tables
+        read_all(targets, reading, n_cases)
         ran = os.path.exists("ran")
-    told = {
-        **judge.counts,
+    result = {
+        **reading.counts,
         "targets": len(targets),
         "ran": ran,
         "seconds": round(perf_counter() - began, 1),
-        "slowest": round(judge.slowest, 2),
-        "grown": judge.grown,
-        "failures": judge.failures[:20],
+        "slowest": round(reading.slowest, 2),
+        "grown": reading.grown,
+        "failures": reading.failures[:20],
     }
-    sys.stdout.write(json.dumps(told, indent=1))
+    sys.stdout.write(json.dumps(result, indent=1))
 
 
 if __name__ == "__main__":

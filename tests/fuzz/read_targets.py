@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import damage
-from small_learners import learner_of, spaces_of
+from small_learners import course_for, learner_of, spaces_of
 from small_runs import REACHER, add_teacher, log_of
 from small_tasks import reach
 from test_simtrace import TASK, trace
@@ -72,8 +72,12 @@ def teacher_targets(folder):
         network, card = store.load_teacher(path, 2)
         assert network.spaces == card.spaces
         own = read_task("reacher")
-        told = store.mismatch(card, own, REACHER), cosine(card.task, own), relation(own, card.task)
-        assert literal(told)
+        relations = (
+            store.mismatch(card, own, REACHER),
+            cosine(card.task, own),
+            relation(own, card.task),
+        )
+        assert literal(relations)
 
     vector = add_teacher(folder, settings=["net.hidden=[8,8]"])
     seeing = add_teacher(
@@ -108,8 +112,9 @@ def run_targets(folder):
 
     def checkpoint_read():
         like = spaces_of(task), task.net, 2
+        learner = learner_of(task, [0, 1])
         try:
-            checkpoint.load_learner(path, learner_of(task, [0, 1]))
+            checkpoint.load_learner(path, learner, course_for(task, learner))
         finally:
             weights.check_networks(path, *like, str(path), checkpoint.NETWORKS)
             checkpoint.load_networks(path, ActorCritic(*like))

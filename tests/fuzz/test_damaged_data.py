@@ -3,7 +3,7 @@
 import json
 
 import pytest
-from read_damaged_files import Judge
+from read_damaged_files import Reading
 from read_targets import METADATA
 from test_damaged_files import HEAD, record
 
@@ -136,10 +136,10 @@ LARGE = {
 @pytest.mark.parametrize("case", LARGE)
 def test_the_largest_texts_take_their_share_of_memory(tmp_path, case):
     (tmp_path / "x.json").write_text(LARGE[case], encoding="utf-8")
-    judge = Judge()
-    with judge.watched(case, LARGE[case].encode()):
+    reading = Reading()
+    with reading.watched(case, LARGE[case].encode()):
         assert read_json(tmp_path / "x.json")
-    assert judge.failures == []
+    assert reading.failures == []
 
 
 @pytest.mark.slow
@@ -149,14 +149,14 @@ def test_the_largest_tables_take_their_share_of_memory(tmp_path, monkeypatch):
     (tmp_path / "training-simtrace").mkdir()
     log = STEPS + "\n" + "1,0,0,0,0,0,0,0,0,0,off\n" * (MAX_CELLS // 11 - 2)
     (tmp_path / "training-simtrace" / "0-iteration.csv").write_text(log)
-    judge = Judge()
+    reading = Reading()
     run_of(tmp_path, record(), table)
-    with judge.watched("metrics.csv", table.encode()):
+    with reading.watched("metrics.csv", table.encode()):
         assert read_run(tmp_path).returns.shape == (1, MAX_CELLS // 8 - 2)
-    with judge.watched("a log", log.encode()):
+    with reading.watched("a log", log.encode()):
         ((_, (trace,)),) = read_training(tmp_path)
     assert len(trace) == MAX_CELLS // 11 - 2
-    assert judge.failures == []
+    assert reading.failures == []
 
 
 def test_a_log_has_so_many_episodes(tmp_path):
@@ -197,10 +197,10 @@ def test_a_card_of_ones_own_beyond_reason_is_refused(home, case):
     text, message = TOML[case]
     base = "" if "extends" in text else 'extends = "racer-inner"\n'
     (home / "mine.toml").write_text(base + text)
-    judge = Judge()
-    with judge.watched(case, b""), pytest.raises((CardError, NotFound), match=message) as caught:
+    reading = Reading()
+    with reading.watched(case, b""), pytest.raises((CardError, NotFound), match=message) as caught:
         read_task("mine.toml")
-    assert judge.failures == []
+    assert reading.failures == []
     assert len(str(caught.value)) < 1000
 
 

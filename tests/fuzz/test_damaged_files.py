@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import read_damaged_files
-from read_damaged_files import Judge
+from read_damaged_files import Reading
 from read_targets import Target
 from small_runs import add_teacher
 
@@ -42,13 +42,15 @@ def many(n_cases):
         capture_output=True, text=True, timeout=60 + n_cases / 20, check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr[-3000:]
-    told = json.loads(done.stdout)
-    assert told["failures"] == []
-    assert told["cases"] >= n_cases
-    assert not told["ran"]
-    assert min(told["read"], told["refused"]) > n_cases / 20  # neither all harmless nor all broken
-    assert told["grown"] < read_damaged_files.MEMORY
-    return told
+    result = json.loads(done.stdout)
+    assert result["failures"] == []
+    assert result["cases"] >= n_cases
+    assert not result["ran"]
+    assert (
+        min(result["read"], result["refused"]) > n_cases / 20
+    )  # neither all harmless nor all broken
+    assert result["grown"] < read_damaged_files.MEMORY
+    return result
 
 
 def test_spoiled_files_are_read_or_refused_in_a_line():
@@ -65,9 +67,9 @@ def test_the_judge_sees_what_must_not_be(tmp_path):
     path.write_text("x")
 
     def judged(read):
-        judge = Judge()
-        judge.case("it", Target(path, read, None), b"x")
-        return "".join(judge.failures)
+        reading = Reading()
+        reading.case("it", Target(path, read, None), b"x")
+        return "".join(reading.failures)
 
     assert judged(path.read_text) == ""
     assert "ZeroDivisionError" in judged(lambda: 1 / 0)
@@ -130,10 +132,10 @@ def place(request, tmp_path):
 
 def refused(place, message):
     load_track("oval")  # whose simulator is imported now, unwatched
-    judge = Judge()
-    with judge.watched(place.name, b""), pytest.raises(RepaintError, match=message):
+    reading = Reading()
+    with reading.watched(place.name, b""), pytest.raises(RepaintError, match=message):
         load(place.name, place)
-    assert judge.failures == []
+    assert reading.failures == []
 
 
 NO_FILE = "expected a regular file, found something else"

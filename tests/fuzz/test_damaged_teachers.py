@@ -6,7 +6,7 @@ import sys
 
 import numpy as np
 import pytest
-from read_damaged_files import Judge
+from read_damaged_files import Reading
 from small_runs import REACHER, add_teacher
 
 from repaint_cli.errors import CheckpointError
@@ -172,12 +172,15 @@ def test_the_largest_header_takes_its_share_of_memory(tmp_path, what):
     data = len(text).to_bytes(8, "little") + text
     path = tmp_path / "x.safetensors"
     path.write_bytes(data)
-    judge = Judge()
-    with judge.watched(what, data), pytest.raises(CheckpointError, match="was not written by"):
+    reading = Reading()
+    with reading.watched(what, data), pytest.raises(CheckpointError, match="was not written by"):
         store.load_teacher(path)
-    with judge.watched(what, data), pytest.raises(CheckpointError, match="is missing in the file"):
+    with (
+        reading.watched(what, data),
+        pytest.raises(CheckpointError, match="is missing in the file"),
+    ):
         weights.check_networks(path, REACHER, read_task("reacher").net, 1, "it")
-    assert judge.failures == []
+    assert reading.failures == []
 
 
 CARDS = {

@@ -4,7 +4,7 @@ import io
 
 import numpy as np
 import pytest
-from read_damaged_files import Judge
+from read_damaged_files import Reading
 from read_targets import OVAL
 
 from repaint_cli.envs.racer.track.files import load_track
@@ -19,8 +19,8 @@ def saved(array, **options):
     return file.getvalue()
 
 
-def told(**changes):
-    """A header that says something else than what follows it."""
+def file_with(**changes):
+    """A file whose header does not fit its numbers."""
     data = saved(ROWS)
     for old, new in changes.values():
         assert old in data
@@ -45,9 +45,12 @@ TRACKS = {
     "a pickle": (saved(np.array([Evil()] * 6, object).reshape(1, 6), allow_pickle=True), NO_ARRAY),
     "a bare pickle": (b"\x80\x04cos\nsystem\n(S'touch ran'\ntR.", NO_ARRAY),
     "an archive": (b"PK\x03\x04" + b"\0" * 100, NO_ARRAY),
-    "a huge shape": (told(a=(b"(101, 6), } " + b" " * 10, b"(1000000000000, 6), } ")), NO_ARRAY),
-    "an endless shape": (told(a=(b"(101, 6)" + b" " * 0, b"(101,-6)")), NO_ARRAY),
-    "code": (told(a=(b"(101, 6)", b"exit(9) ")), NO_ARRAY),
+    "a huge shape": (
+        file_with(a=(b"(101, 6), } " + b" " * 10, b"(1000000000000, 6), } ")),
+        NO_ARRAY,
+    ),
+    "an endless shape": (file_with(a=(b"(101, 6)" + b" " * 0, b"(101,-6)")), NO_ARRAY),
+    "code": (file_with(a=(b"(101, 6)", b"exit(9) ")), NO_ARRAY),
     "a deep header": (b"\x93NUMPY\x01\0\xff\xff" + b"-" * 65_535, NO_ARRAY),
     "a structure": (saved(np.zeros(9, LISTED)), NO_ARRAY),
     "complex numbers": (saved(ROWS.astype(complex)), "expected finite numbers, .*complex128"),
@@ -76,10 +79,10 @@ def test_what_is_no_track_is_refused(tmp_path, case):
     data, message = TRACKS[case]
     (tmp_path / "mine.npy").write_bytes(data)
     load_track("oval")  # whose kernels are compiled now, unwatched
-    judge = Judge()
-    with judge.watched(case, data), pytest.raises(CardError, match=message):
+    reading = Reading()
+    with reading.watched(case, data), pytest.raises(CardError, match=message):
         load_track(str(tmp_path / "mine.npy"))
-    assert judge.failures == []
+    assert reading.failures == []
 
 
 @pytest.mark.parametrize(

@@ -203,12 +203,12 @@ def frames(
 
 
 def _return(rewards: Sequence[float] | None, t: int) -> str:
-    """Say what the first `t` steps earned, if that is known."""
+    """Return the text of what the first `t` steps earned, if that is known."""
     return "" if rewards is None else f" · return {sum(rewards[:t]):.1f}".replace("-", "−")
 
 
 def main(task: str) -> int:
-    """Do one task of the child, return its exit code; standard output says what went wrong."""
+    """Do one task of the child, return its exit code; an error is a line on standard output."""
     try:
         if task == "probe":
             return 0 if probe() else 1

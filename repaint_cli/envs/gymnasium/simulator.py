@@ -42,7 +42,7 @@ class GymnasiumSimulator(Simulator):
         return kwargs
 
     def make(self, n_envs: int, one_episode: bool, noise: EvalConfig | None) -> "Environments":
-        """Make N copies; they know no noise. See `Simulator.make`."""
+        """Make N copies; they have no noise. See `Simulator.make`."""
         from repaint_cli.envs.gymnasium.vector import make_gym
 
         return make_gym(self.id, n_envs, self.kwargs, self.backend)
@@ -66,7 +66,7 @@ class GymnasiumSimulator(Simulator):
         return limit
 
     def same_world(self, other: Simulator) -> bool:
-        """Return whether both are the same environment: only its infos tell its terms."""
+        """Return whether both are the same environment: only its infos show its terms."""
         return isinstance(other, GymnasiumSimulator) and self.id == other.id
 
     def code_at_risk(self) -> str | None:

@@ -50,7 +50,7 @@ def make_gym(
             vector_kwargs={"autoreset_mode": AutoresetMode.NEXT_STEP},
             **kwargs,
         )
-    except Exception as error:  # other people's constructors raise what they like
+    except Exception as error:  # constructors of other libraries raise any error
         reason = (str(error).strip() or type(error).__name__).splitlines()[0]
         raise CardError(f"cannot make the environment '{env_id}': {reason}") from error
 

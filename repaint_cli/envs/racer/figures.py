@@ -62,11 +62,11 @@ def draw_training(
         progress: mean progress of each evaluation, (K,) in %.
         title: over both.
     """
-    drives = [(k, trace) for k, traces in read_training(log) for trace in traces]
+    training = [(k, trace) for k, traces in read_training(log) for trace in traces]
     track = load_track(env.track)
     heatmap, curves = run / "heatmap.png", run / "progress.png"
-    plot_heatmap(drives, track.inner, track.outer, track.centre, heatmap, title)
-    plot_progress(drives, progress, curves, title)
+    plot_heatmap(training, track.inner, track.outer, track.centre, heatmap, title)
+    plot_progress(training, progress, curves, title)
     return [heatmap, curves]
 
 

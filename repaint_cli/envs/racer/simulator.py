@@ -1,4 +1,4 @@
-"""Our racing simulator with its settings: what a command may ask of it."""
+"""Our racing simulator with its settings, behind the interface of simulators."""
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -116,9 +116,9 @@ class RacerSimulator(Simulator):
 
     @classmethod
     def resolve_files(cls, env: dict[str, Any], folder: Path) -> dict[str, Any]:
-        """Return [env] with the track beside the card, and what `model_metadata` says.
+        """Return [env] with the track beside the card, and the settings of its `model_metadata`.
 
-        What the card says itself outranks its file. See `Simulator.resolve_files`.
+        The values of the card override those of its file. See `Simulator.resolve_files`.
         """
         from repaint_cli.envs.racer.deepracer.model_files import read_model_metadata
 

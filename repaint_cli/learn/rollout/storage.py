@@ -19,7 +19,7 @@ from repaint_cli.policies.distributions import Distribution, concat_samples
 
 @dataclass(frozen=True)
 class Rollout:
-    """What happened, step by step. Invalid entries (resets, ended episodes) are not to be read."""
+    """A rollout, step by step. Invalid entries (resets, ended episodes) are not to be read."""
 
     observations: Observations
     """The observations, each stored once."""
@@ -40,7 +40,7 @@ class Rollout:
     valid: np.ndarray
     """Whether the step counts, (T, S, N)."""
     records: dict[str, np.ndarray] = field(default_factory=dict)
-    """Whatever else was asked for from `info`, each (T, S, N, …)."""
+    """Further records from `info`, each (T, S, N, …)."""
 
     @property
     def steps(self) -> Steps:
@@ -75,7 +75,7 @@ class Rollout:
         return mean_return, mean_length
 
     def without_observations(self) -> "Rollout":
-        """Return the rollout without its observations, which fill memory and no table."""
+        """Return the rollout without its observations, to save memory."""
         return replace(self, observations=Observations([]))
 
 

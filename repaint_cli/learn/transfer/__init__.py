@@ -1,1 +1,1 @@
-"""What teachers give, which of it is taken, and when."""
+"""Transfer: teachers, the selection of their samples, and schedules."""

@@ -57,7 +57,7 @@ class OwnBatch:
 
     @classmethod
     def empty(cls, n_seeds: int) -> "OwnBatch":
-        """Return what stands for it before the first iteration."""
+        """Return the batch to use before the first iteration."""
         nothing = (torch.zeros(n_seeds, 1), torch.ones(n_seeds, 1))
         return cls(nothing, torch.zeros(n_seeds), np.full(n_seeds, np.nan))
 
@@ -87,10 +87,10 @@ class OwnBatch:
 
 
 class Course(ABC):
-    """How a transfer proceeds; `ppo.train` asks before each iteration, and reports after it.
+    """How a transfer proceeds; `ppo.train` calls it before and after each iteration.
 
-    A new course says what each iteration does, `phase`, and how much the teachers' advice counts,
-    `betas`; the rest may stay as it is here.
+    A new course defines `phase`, what each iteration does, and `betas`, the weights of the
+    cross-entropies to the teachers; the rest may stay as it is here.
     """
 
     def __init__(self, card: TaskCard, teachers: Sequence[Teacher], n_seeds: int) -> None:
@@ -117,7 +117,7 @@ class Course(ABC):
         return np.ones((len(self.teachers), self.n_seeds), bool)
 
     def actors(self) -> list[ActingTeacher]:
-        """Return the teachers who act in an instance iteration: not those who lead nobody."""
+        """Return the teachers who act in an instance iteration: those that lead some seed."""
         pairs = zip(self.teachers, self.leading(), strict=True)
         may_act = [(teacher, leads) for teacher, leads in pairs if teacher.acts]
         return [
@@ -210,7 +210,7 @@ class Course(ABC):
         self.after_instance = phase == "instance"
 
     def after_evaluation(self, k: int, phase: Phase, steps: float, returns: np.ndarray) -> bool:
-        """Use the evaluation after iteration k, if the course goes by it.
+        """Use the evaluation after iteration k, if the course depends on it.
 
         Args:
             k: the iteration.

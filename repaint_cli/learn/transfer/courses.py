@@ -108,7 +108,7 @@ class Measured(Scheduled):
 
         See `Course.choose`.
         """
-        shares = self._measured.shares(samples)  # which the next phase goes by in any case
+        shares = self._measured.shares(samples)  # which the next phase depends on in any case
         if self.card.select.rule != "auto":
             return super().choose(k, samples, rngs, relevance)
         scaled = rescale(samples, "student-batch", self.last.moments)
@@ -143,7 +143,7 @@ class Measured(Scheduled):
         self._measured.add_advantages(samples)
 
     def after_evaluation(self, k: int, phase: Phase, steps: float, returns: np.ndarray) -> bool:
-        """Take in how the students did after iteration k; see `Course.after_evaluation`."""
+        """Add the returns of the students after iteration k; see `Course.after_evaluation`."""
         used = k < self.card.transfer.iterations and not self.ended
         if used:
             self._measured.add_evaluation(returns, steps, phase)

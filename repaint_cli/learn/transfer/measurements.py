@@ -75,7 +75,7 @@ class Measurements:
         teachers, teachers_error = self.taught
         own = (self.own[0] + self.before[0]) / 2
         own_error = np.hypot(self.own[1], self.before[1]) / 2
-        whole = teachers - self.random[0]  # the lead over a policy that knows nothing
+        whole = teachers - self.random[0]  # the lead over an untrained policy
         lead = teachers - own - np.sqrt(teachers_error**2 + own_error**2)
         with np.errstate(invalid="ignore", divide="ignore"):
             shares = np.where(whole > 0, np.clip(lead / whole, 0, 1), 0.0)
@@ -95,7 +95,7 @@ class Measurements:
         return self.idle >= PATIENCE
 
     def shares(self, samples: Samples) -> Tensor:
-        """Return how much of the teachers' samples each seed keeps, (S,), and remember it."""
+        """Return how much of the teachers' samples each seed keeps, (S,), and store it."""
         shares = []
         for s, n in enumerate(samples.counts.tolist()):
             if n == 0:
@@ -108,7 +108,7 @@ class Measurements:
         return tensor(shares)
 
     def instances_pay(self) -> bool:
-        """Tell whether an instance iteration should follow one of the students' own.
+        """Return whether an instance iteration should follow one of the students' own.
 
         Seeds that train side by side share the answer.
         """

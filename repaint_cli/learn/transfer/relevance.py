@@ -1,4 +1,4 @@
-"""Relevance-based transfer, the rival of section 6.2 (Lazaric, Restelli and Bonarini 2008).
+"""Relevance-based transfer, the baseline of section 6.2 (Lazaric, Restelli and Bonarini 2008).
 
 A teacher's sample is relevant if target samples near it have similar moves and rewards, or if none
 is near. A teacher complies with the target as much as the target's samples agree with its own.

@@ -1,4 +1,4 @@
-"""What the card says of iteration k: functions of k, which counts from 1."""
+"""Schedules: functions of the iteration k, which counts from 1."""
 
 from typing import Literal
 

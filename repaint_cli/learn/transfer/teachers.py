@@ -1,4 +1,4 @@
-"""Teachers: what each is, which of them act, and what they advise where the student goes."""
+"""Teachers: what each is, which of them act, and their distributions at the student's samples."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -57,16 +57,16 @@ def advise(
     """Return π_teacher at the samples: all teachers' as one distribution; None with β = 0.
 
     Args:
-        teachers: M of them; those with β = 0 are not asked.
+        teachers: M of them; those with β = 0 are left out.
         betas: β_k of each, (M, S).
         samples: of the student, (S, B).
         transfer: the teachers' spread.
     """
-    asked = betas.any(1)
-    if not asked.any():
+    used = betas.any(1)
+    if not used.any():
         return None
     distributions = [
         describe(soften(teacher.network, transfer), samples)
-        for teacher, wanted in zip(teachers, asked.tolist(), strict=True) if wanted
+        for teacher, is_used in zip(teachers, used.tolist(), strict=True) if is_used
     ]  # fmt: skip
-    return mixture(distributions, betas[asked])
+    return mixture(distributions, betas[used])

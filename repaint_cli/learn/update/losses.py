@@ -11,9 +11,9 @@ def clipped_surrogate(
 
         L(θ) = −min(ρA, clip(ρ, 1−ε, 1+ε)·A),   ρ = π_θ(a|s) / μ(a|s)
 
-    μ is whoever acted. With μ = π_old this is L_clip (paper, equation 1); with μ = π_teacher and
-    only samples of high advantage it is L_ins, the instance-transfer loss of REPAINT (paper,
-    equation 3).
+    μ is the policy that acted. With μ = π_old this is L_clip (paper, equation 1); with
+    μ = π_teacher and only samples of high advantage it is L_ins, the instance-transfer loss of
+    REPAINT (paper, equation 3).
 
     Args:
         log_probs: log π_θ(a|s) under the policy being trained, (S, B).
@@ -47,7 +47,7 @@ def penalized_surrogate(
 
     Args:
         log_probs: log π_θ(a|s), (S, B).
-        behavior_log_probs: log μ(a|s) of whoever acted, (S, B).
+        behavior_log_probs: log μ(a|s) of the policy that acted, (S, B).
         advantages: Â(s, a), (S, B).
         kl: KL[μ(·|s), π_θ(·|s)], (S, B).
         kl_coef: β.

@@ -34,7 +34,7 @@ def masked_mean(numbers: Tensor, counts: Tensor) -> Tensor:
 
 
 def objective(policy: Distribution, log_probs: Tensor, batch: Samples, spec: UpdateSpec) -> Tensor:
-    """Return −L of each sample, (S, b), by `ppo.objective`; μ is whoever acted at the sample."""
+    """Return −L of each sample, (S, b), by `ppo.objective`; μ is the policy that acted."""
     ppo = spec.ppo
     if ppo.objective in ("a2c", "reinforce"):
         return log_likelihood(log_probs, batch.advantages)

@@ -54,7 +54,7 @@ class UpdateSpec:
 
     @property
     def vf_coef(self) -> float:
-        """Weight of the value loss: none where critics stand still, for layers that both share."""
+        """Weight of the value loss: 0 where critics do not move, for layers that both share."""
         return self.ppo.vf_coef if self.moves_critic else 0.0
 
     def of_moved(self, metrics: dict[str, np.ndarray]) -> dict[str, np.ndarray]:

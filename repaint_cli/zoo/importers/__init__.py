@@ -1,1 +1,1 @@
-"""Policies from elsewhere become teachers: their files are read as data, none is run."""
+"""Policies of other libraries become teachers: their files are read as data, none is run."""

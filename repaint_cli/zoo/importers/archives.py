@@ -72,7 +72,7 @@ def read_tensors(data: bytes, where: str) -> dict[str, Tensor]:
 
 
 def _check_unpacked(data: bytes, where: str) -> None:
-    """Check that a file is as `torch.save` writes it: a zip file whose parts are not packed."""
+    """Check that a file is as `torch.save` writes it: a zip file whose parts are not compressed."""
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             parts = archive.infolist()

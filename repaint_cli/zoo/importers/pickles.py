@@ -1,6 +1,6 @@
 """Pickle files read as data: the names in them are text here, never imported or called.
 
-Python's own unpickler runs whatever a file says. This one knows the opcodes that numbers, texts and
+Python's own unpickler runs any code in a file. This one has the opcodes that numbers, texts and
 arrays need, and of the names only those in `KNOWN`. Where Python would make an object, it keeps a
 record. Nothing here recurses, hashes anything but text, or allocates more than the file's size.
 """
@@ -67,7 +67,7 @@ class Record:
 
 
 class Refused(ValueError):
-    """A pickle that is damaged, or more than data; the message says what it holds."""
+    """A pickle that is damaged, or more than data; the message names what it holds."""
 
 
 def read(data: bytes) -> Any:
@@ -134,7 +134,7 @@ class _Machine:
         if not isinstance(items, dict) or len(flat) % 2:
             raise Refused("an entry of what is no dict")
         for key, value in zip(flat[::2], flat[1::2], strict=True):
-            if type(key) is not str:  # the hash of a text is cheap whatever the file says
+            if type(key) is not str:  # the hash of a text is cheap for any text
                 raise Refused(f"a key that is no text but of type {type(key).__name__}")
             items[key] = value
 

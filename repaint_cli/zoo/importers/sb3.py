@@ -1,7 +1,7 @@
 """Policies that Stable-Baselines3's PPO and A2C saved as zip files.
 
-Their settings are JSON; what stands there in cloudpickle (`:serialized:`) stays closed, for SB3
-writes the same beside it as text. Where that text does not say all, the policy is refused.
+Their settings are JSON; what is in cloudpickle there (`:serialized:`) is not read, for SB3 writes
+the same beside it as text. Where that text is incomplete, the policy is refused.
 """
 
 import re

@@ -32,7 +32,7 @@ class DeepRacerLog(EpisodeLog):
         self._simtrace.train(k, self._traces(steps, s))
 
     def log_evaluation(self, k: int, steps: Steps, s: int) -> None:
-        """Log how the evaluation of seed s after iteration k went."""
+        """Log the evaluation of seed s after iteration k."""
         self._simtrace.evaluate(k, self._traces(steps, s))
 
     def _traces(self, steps: Steps, s: int) -> list[Trace]:

@@ -1,4 +1,4 @@
-"""What DeepRacer's own files say, as settings of a card, and back."""
+"""DeepRacer's own files of settings, as settings of a card, and back."""
 
 from collections.abc import Sequence
 from contextlib import suppress

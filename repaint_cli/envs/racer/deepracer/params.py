@@ -1,4 +1,4 @@
-"""What DeepRacer tells a reward function: the dictionary `params`, key by key as the original."""
+"""The argument of a DeepRacer reward function: the dictionary `params`, key by key as there."""
 
 from bisect import bisect_right
 from dataclasses import dataclass
@@ -94,7 +94,7 @@ def _waypoints(road: Track) -> tuple[tuple[float, float], ...]:
 
 
 def _objects(car: CarState, along: float, inner_is_left: bool) -> dict[str, Any]:
-    """Return the keys about bots, which stand in the order they were placed in."""
+    """Return the keys about bots, in the order in which the bots were placed."""
     poses, length = car.poses, car.road.length
     ahead = np.mod(car.bots_along - along, length)
     closest = [int(ahead.argmax()), int(ahead.argmin())] if len(poses) else [0, 0]

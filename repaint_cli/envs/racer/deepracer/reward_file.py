@@ -1,6 +1,6 @@
 """A DeepRacer user's own `reward_function(params)`, run as it is. It is their code, and trusted.
 
-Every environment has a copy of the module of its own, whose variables live as long as the
+Every environment has a copy of the module of its own, whose variables last as long as the
 environment does, from episode to episode.
 """
 
@@ -37,7 +37,7 @@ class RewardFunction:
         try:
             exec(compile(source, name, "exec"), module)
         except (Exception, SystemExit) as error:
-            raise CardError(self._blame(error)) from error
+            raise CardError(self._describe(error)) from error
         function = module.get("reward_function")
         if not callable(function):
             raise CardError(f"{name}: expected def reward_function(params), found none")
@@ -61,7 +61,7 @@ class RewardFunction:
         try:
             paid = self._function(params)
         except (Exception, SystemExit) as error:
-            raise CardError(f"{self._blame(error)} ({step})") from error
+            raise CardError(f"{self._describe(error)} ({step})") from error
         try:
             number = float(paid)
         except (TypeError, ValueError):
@@ -73,7 +73,7 @@ class RewardFunction:
             )
         return number
 
-    def _blame(self, error: BaseException) -> str:
+    def _describe(self, error: BaseException) -> str:
         """Return file, line, kind and message of what went wrong in the user's file."""
         frames = traceback.extract_tb(error.__traceback__)
         lines = [frame.lineno for frame in frames if frame.filename == self._name]

@@ -51,7 +51,7 @@ class Simtrace:
         Args:
             folder: where.
             env: what is driven.
-            run: what the log says of the run.
+            run: the facts of the run that its log holds.
             resumed: whether the folder is the run's own, as `go_back` needs it.
 
         Raises:
@@ -100,7 +100,7 @@ class Simtrace:
         self._write_metrics()
 
     def evaluate(self, k: int, traces: Sequence[Trace]) -> None:
-        """Note how the evaluation after iteration k went, in the metrics alone like DeepRacer."""
+        """Log the evaluation after iteration k, in the metrics alone like DeepRacer."""
         for trace in traces:
             self._note(max(self._episodes, k * self._per_iteration), trace, "evaluation")
         self._write_metrics()

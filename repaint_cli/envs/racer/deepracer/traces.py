@@ -24,15 +24,15 @@ class Trace:
     yaw: np.ndarray
     """Heading, degrees."""
     steer: np.ndarray
-    """What was asked for, degrees; left is positive."""
+    """Steering command, degrees; left is positive."""
     throttle: np.ndarray
-    """What was asked for, m/s."""
+    """Speed command, m/s."""
     action: np.ndarray
     """Which action it was."""
     reward: np.ndarray
     """What the step earned."""
     all_wheels_on_track: np.ndarray
-    """Whether they were."""
+    """Whether all wheels were on the track."""
     progress: np.ndarray
     """Of the lap, since the start."""
     closest_waypoint: np.ndarray

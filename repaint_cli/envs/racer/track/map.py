@@ -57,7 +57,7 @@ def plot_track(track: Track, path: Path, facts: str) -> None:
 
 
 def check_track(file: str) -> CheckedFile:
-    """Check a file of waypoints and say what track it holds.
+    """Check a file of waypoints and describe its track.
 
     Raises:
         NotFound: the file does not exist.

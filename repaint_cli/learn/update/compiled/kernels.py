@@ -1,7 +1,7 @@
 """Small dense networks, their derivatives and Adam, compiled: one policy or one critic at a time.
 
-The derivatives are those of `losses` and `distributions`. The records stand here because numba's
-cache notices changes of this file only. Shapes: n samples of a seed, b of them in a minibatch, O
+The derivatives are those of `losses` and `distributions`. The records are here because numba's
+cache depends on changes of this file only. Shapes: n samples of a seed, b of them in a minibatch, O
 observation, A actions, P parameters of a network, which is a policy or a critic.
 """
 

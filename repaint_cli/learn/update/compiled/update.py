@@ -159,7 +159,7 @@ def _policy_data(student: ActorCritic, samples: Samples, spec: UpdateSpec) -> li
 
 @cache
 def _blas() -> ThreadpoolController:
-    """Return a handle on what compiled code multiplies with, whose own threads would fight ours."""
+    """Return a handle on the BLAS of compiled code, to limit its threads: each job has a core."""
     import scipy.linalg.cython_blas  # noqa: F401  numba calls it; a library not yet loaded has no handle
 
     return ThreadpoolController().select(user_api="blas")

@@ -1,4 +1,4 @@
-"""Long runs on bad days: each ends well, or says in a line what was wrong and loses nothing."""
+"""Runs under adverse conditions: each ends well, or says in a line what was wrong."""
 
 import csv
 import json
@@ -46,7 +46,7 @@ def said_by(words, **options):
 
 
 @pytest.mark.parametrize(
-    ("mood", "error", "text"),
+    ("failure", "error", "text"),
     [
         ("fails", CardError, "failed in a step: ValueError: the arm fell off; see where with"),
         ("fails when reset", CardError, "when it was reset: RuntimeError: no simulator today;"),
@@ -55,8 +55,8 @@ def said_by(words, **options):
         ("nan observation", DivergedError, "found an observation that is not, in environment 0"),
     ],
 )  # fmt: skip
-def test_an_environment_that_fails_is_blamed_in_a_line(repaint, home, mood, error, text):
-    (home / "bad.toml").write_text(card(mood))
+def test_an_environment_that_fails_is_blamed_in_a_line(repaint, home, failure, error, text):
+    (home / "bad.toml").write_text(card(failure))
     said = repaint(*TRAIN)
     assert said.code == error.exit_code
     assert said.err.startswith("error: ")
