@@ -8,7 +8,7 @@ import numpy as np
 import torch
 
 from repaint_cli.policies.networks import ActorCritic
-from repaint_cli.zoo.store import load_teacher
+from repaint_cli.zoo.store import read_teacher
 from repaint_cli.zoo.teacher_card import TeacherCard
 
 
@@ -28,7 +28,7 @@ class LoadedTeacher:
         Raises:
             CheckpointError: the file is damaged.
         """
-        network, card = load_teacher(path)
+        network, card = read_teacher(path)
         return cls(card, network)
 
     def act(self, observations: Any) -> np.ndarray:

@@ -69,7 +69,7 @@ class Target:
 
 def teacher_targets(folder):
     def read(path):
-        network, card = store.load_teacher(path, 2)
+        network, card = store.read_teacher(path, 2)
         assert network.spaces == card.spaces
         own = read_task("reacher")
         relations = (
