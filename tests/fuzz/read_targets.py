@@ -1,4 +1,4 @@
-"""Every file that somebody else may have written, sound, and who reads it."""
+"""Every kind of file that other people may have written, undamaged, and its reader."""
 
 import json
 from dataclasses import dataclass
@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import damage
-from small_learners import learner_of, spaces_of
+from small_learners import course_for, learner_of, spaces_of
 from small_runs import REACHER, add_teacher, log_of
 from small_tasks import reach
 from test_simtrace import TASK, trace
@@ -111,9 +111,9 @@ def run_targets(folder):
     path = folder / "checkpoint.safetensors"
 
     def checkpoint_read():
-        like = spaces_of(task), task.net, 2
+        like, learner = (spaces_of(task), task.net, 2), learner_of(task, [0, 1])
         try:
-            checkpoint.load_learner(path, learner_of(task, [0, 1]))
+            checkpoint.load_learner(path, learner, course_for(task, learner))
         finally:
             weights.check_networks(path, *like, str(path), checkpoint.NETWORKS)
             checkpoint.load_networks(path, ActorCritic(*like))
