@@ -19,7 +19,7 @@ from time import perf_counter
 
 from turns import Measurements, Table, median, run, span
 
-from repaint_cli.envs.racer.deepracer.simtrace import METRICS
+from repaint_cli.envs.racer.deepracer.simtrace import METRICS_FILE
 from repaint_cli.envs.racer.deepracer.simtrace_reader import TRAINING
 from repaint_cli.envs.racer.deepracer.training_metrics import TrainingMetrics
 from repaint_cli.runs.experiment import Experiment
@@ -88,8 +88,8 @@ def lengthen_log(log: Path, first: int, n: int) -> None:
     traces = log / TRAINING
     for k in range(first, first + n):
         os.link(traces / f"{first - 1}-iteration.csv", traces / f"{k}-iteration.csv")
-    entries = json.loads((log / METRICS).read_text(encoding="utf-8"))["metrics"]
-    metrics = TrainingMetrics(log / METRICS)
+    entries = json.loads((log / METRICS_FILE).read_text(encoding="utf-8"))["metrics"]
+    metrics = TrainingMetrics(log / METRICS_FILE)
     metrics.cut(len(entries))
     for _ in range(n // 1000):
         metrics.append(entries * 1000)

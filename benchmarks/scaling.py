@@ -72,7 +72,7 @@ def memory(n_seeds: int) -> float:
     from repaint_cli.tasks.card_files import read_task
     from repaint_cli.zoo import store
 
-    student, _ = store.load_teacher(store.find("racer-inner"), n_seeds)
+    student, _ = store.read_teacher(store.find("racer-inner"), n_seeds)
     weights = student.storage.clone()
     card = read_task("racer-inner").with_settings(["ppo.n_epochs=1"])
     learner = Learner.fresh(student, list(range(n_seeds)), card.ppo.learning_rate)

@@ -120,7 +120,7 @@ def test_a_card_says_where_a_teacher_comes_from_and_its_file_comes_back(home):
     assert card.versions["stable-baselines3"].startswith("2.")
     assert card.score.episodes == 100
     path = store.add(network, 0, card, home / "zoo")
-    loaded, again = store.load_teacher(path)
+    loaded, again = store.read_teacher(path)
     assert again == card
     net = again.task.net
     assert (net.activation, net.hidden, net.value_hidden) == ("relu", (32,), (48, 16))

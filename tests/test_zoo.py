@@ -32,7 +32,7 @@ def test_a_teacher_acts_after_loading_as_it_did_before_to_the_bit(folder):
         network.normalizer.update(s, obs[s] * (s + 1) + s)
     card = read_card(add_teacher(folder))
     path = store.add(network, 1, card, folder)
-    loaded, read = store.load_teacher(path, n_seeds=2)
+    loaded, read = store.read_teacher(path, n_seeds=2)
     with torch.no_grad():
         before, after = network.policy(obs), loaded.policy(obs[1].expand(2, -1, -1))
         values, read_values = network.value(obs), loaded.value(obs[1].expand(2, -1, -1))
@@ -129,7 +129,7 @@ def test_a_card_of_other_spaces_than_the_weights_is_refused(folder):
         r"teacher 'old-hand': leaf 'policy.head.weight' is \(64, 2\) float32 in the file, \(64, 3\)"
     )
     with pytest.raises(CheckpointError, match=message):
-        store.load_teacher(path)
+        store.read_teacher(path)
 
 
 def test_a_file_cut_short_anywhere_is_refused(folder):
@@ -138,7 +138,7 @@ def test_a_file_cut_short_anywhere_is_refused(folder):
     for length in [*range(0, 64), *range(64, len(whole), len(whole) // 40), len(whole) - 1]:
         path.write_bytes(whole[:length])
         with pytest.raises(CheckpointError, match="is not a whole safetensors file"):
-            store.load_teacher(path)
+            store.read_teacher(path)
 
 
 def test_a_flipped_bit_in_the_header_is_explained_or_harmless(folder):
@@ -152,7 +152,7 @@ def test_a_flipped_bit_in_the_header_is_explained_or_harmless(folder):
             flipped[i] ^= 1 << bit
             path.write_bytes(flipped)
             try:
-                store.load_teacher(path)
+                store.read_teacher(path)
             except RepaintError as error:
                 assert "\n" not in str(error)  # noqa: PT017 - some flips only change a number
                 refused += 1
@@ -204,7 +204,7 @@ def test_the_shipped_teachers_are_there():
 
 @pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
 def test_a_shipped_teacher_is_sound_small_scored_and_of_the_task_as_it_is_now(path):
-    _, card = store.load_teacher(path)
+    _, card = store.read_teacher(path)
     assert card.name == path.stem
     assert path.stat().st_size <= (9e6 if card.n_beams else 8e6)  # a lidar has layers of its own
     assert card.score.low <= card.score.mean <= card.score.high

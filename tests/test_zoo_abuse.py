@@ -21,7 +21,7 @@ def folder(home):
 
 
 def _add_all(folder, source, iteration, names, start):
-    network, card = store.load_teacher(source)
+    network, card = store.read_teacher(source)
     card = card.model_copy(update={"iteration": iteration})
     start.wait(60)
     for name in names:
@@ -49,13 +49,13 @@ def test_of_several_who_add_a_name_at_once_one_does(folder, tmp_path):
         assert process.exitcode == 0
     for name in names:
         (winner,) = folder.glob(f"{name}-is-of-*")
-        _, card = store.load_teacher(folder / f"{name}.safetensors")
+        _, card = store.read_teacher(folder / f"{name}.safetensors")
         assert str(card.iteration) == winner.name.rpartition("-")[2]
     assert not list(folder.glob(".*"))
 
 
 def _replace_again_and_again(folder, source, n):
-    network, card = store.load_teacher(source)
+    network, card = store.read_teacher(source)
     for i in range(n):
         store.add(network, 0, card.model_copy(update={"iteration": i}), folder)
 
@@ -67,7 +67,7 @@ def test_who_reads_while_another_writes_meets_a_whole_file(folder, tmp_path):
     writer = context.Process(target=_replace_again_and_again, args=(folder, source, 150))
     writer.start()
     while writer.is_alive():
-        _, card = store.load_teacher(folder / "old-hand.safetensors")
+        _, card = store.read_teacher(folder / "old-hand.safetensors")
         seen.add(card.iteration)
     writer.join()
     assert len(seen) > 3

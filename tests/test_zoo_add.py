@@ -99,7 +99,7 @@ def test_a_policy_trained_elsewhere_is_added_verified_and_taught_by(repaint, hom
     card = read_card(store.find("guest"))
     assert (card.method, card.seed, card.env_steps) == ("imported", 1, 384)
 
-    network, _ = store.load_teacher(store.find("guest"))
+    network, _ = store.read_teacher(store.find("guest"))
     obs = np.random.default_rng(0).normal(size=(200, 10)).astype(np.float32)
     actions, _ = model.predict(venv.normalize_obs(obs), deterministic=True)
     with torch.no_grad():
@@ -120,7 +120,7 @@ def test_a_teacher_of_other_networks_is_trained_and_comes_back(repaint, home):
     settings = [word for setting in net for word in ("--set", setting)]
     said = repaint("train-teacher", "--task", "reacher", "--name", "other", *QUICK, *settings)
     assert said.code == 0, said.err
-    network, card = store.load_teacher(store.find("other"))
+    network, card = store.read_teacher(store.find("other"))
     assert network.weights["value.1.weight"].shape == (1, 8, 8)
     assert (card.task.net.activation, card.task.net.obs_clip) == ("relu", "none")
 

@@ -55,7 +55,7 @@ def test_verify_can_measure_the_score_again(repaint, home, folder):
     path = add_teacher(folder, settings=["eval.episodes=2"])
     said = repaint("zoo", "verify", "old-hand", "--score")
     assert said.out.startswith("old-hand: sound; its card has no score, measured -")
-    network, card = store.load_teacher(path)
+    network, card = store.read_teacher(path)
     honest = verify.score(network, card.task, card.seed)
     store.add(network, 0, card.model_copy(update={"score": honest}), folder)
     said = repaint("zoo", "verify", "old-hand", "--score")
@@ -117,7 +117,7 @@ def test_an_exported_policy_is_the_same_in_onnx(repaint, home, folder, task):
     card = json.loads((home / "out" / "card.json").read_text())
     session = onnxruntime.InferenceSession(str(home / "out" / "old-hand.onnx"))
     assert json.loads(session.get_modelmeta().custom_metadata_map["repaint"]) == card
-    network, _ = store.load_teacher(path)
+    network, _ = store.read_teacher(path)
     rng = np.random.default_rng(0)
     for n in (1, 7):
         obs = 3 * rng.normal(size=(n, *spaces.obs_shape)).astype(np.float32)

@@ -3,7 +3,7 @@
 import json
 from pathlib import Path
 
-from repaint_cli.cli.compare_options import METHODS, CompareOptions
+from repaint_cli.cli.compare_options import DEFAULT_METHODS, CompareOptions
 from repaint_cli.cli.option_rules import check_together, parsed_into, settings_of
 from repaint_cli.cli.option_values import parse_methods, parse_target
 
@@ -50,7 +50,7 @@ def _train(options: CompareOptions, folders: list[Path]) -> list[Path]:
     from repaint_cli.runs.compare import check_reference
     from repaint_cli.runs.start import seed_list
 
-    methods = METHODS if options.methods is None else options.methods
+    methods = DEFAULT_METHODS if options.methods is None else options.methods
     check_reference(options.reference, folders, methods.split(","))
     seeds = seed_list(options.seed or 0, 3 if options.seeds is None else options.seeds)
     jobs = 1 if options.jobs is None else options.jobs

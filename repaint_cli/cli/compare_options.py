@@ -6,7 +6,7 @@ from typing import Annotated, NamedTuple
 from repaint_cli.cli.option_rules import Condition, Rule
 from repaint_cli.cli.options import WRITE, AsJson, argument, option
 
-METHODS = "scratch,kickstart,instance,repaint"
+DEFAULT_METHODS = "scratch,kickstart,instance,repaint"
 """What is trained where --methods is absent: the paper's table 1."""
 
 COMPARED = "What to compare"
@@ -39,7 +39,7 @@ class CompareOptions(NamedTuple):
     ] = None
     methods: Annotated[
         str | None,
-        option(TRAINED, "METHOD,...", f"Methods, with commas between. Default: {METHODS}."),
+        option(TRAINED, "METHOD,...", f"Methods, with commas between. Default: {DEFAULT_METHODS}."),
         Rule(beside=WITH_TASK),
     ] = None
     seeds: Annotated[

@@ -15,7 +15,7 @@ def table(name: str, seeds: list[int], env: Simulator, episodes: Episodes) -> Ta
     heads = ("seed", "return [95 % CI]", *(column.name for column in columns[0]))
     rows = Table(*heads, title=literal(name), title_justify="left", box=None, padding=(0, 1, 0, 0))
     for s, seed in enumerate(seeds):
-        rows.add_row(str(seed), interval(episodes.returns[s]), *map(cell, columns[s]))
+        rows.add_row(str(seed), mean_interval(episodes.returns[s]), *map(cell, columns[s]))
     return rows
 
 
@@ -26,10 +26,10 @@ def cell(column: Column) -> str:
         return f"{len(known)} of {len(column.values)}"
     if column.shown == "mean":
         return f"{known.mean():.0f}"
-    return interval(known) if len(known) else "-"
+    return mean_interval(known) if len(known) else "-"
 
 
-def interval(numbers: np.ndarray) -> str:
+def mean_interval(numbers: np.ndarray) -> str:
     """Return a mean with its 95 % interval, which a single number does not have."""
     mean, low, high = mean_ci(numbers)
     return _short(mean) + ("" if np.isnan(low) else f" [{_short(low)}, {_short(high)}]")

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from repaint_cli.tasks.card import TaskCard
 
-Record = TypeVar("Record")
+Options = TypeVar("Options")
 
 KICKSTART = frozenset(name for name, method in METHODS.items() if method.kickstart)
 INSTANCE = frozenset(name for name, method in METHODS.items() if method.instance)
@@ -79,11 +79,11 @@ def flag(name: str) -> str:
 
 
 def parsed_into(
-    record: Callable[..., Record],
-) -> Callable[[Callable[[Record], None]], Callable[..., None]]:
+    record: Callable[..., Options],
+) -> Callable[[Callable[[Options], None]], Callable[..., None]]:
     """Return a decorator that lets typer fill a record of options for a command."""
 
-    def decorate(command: Callable[[Record], None]) -> Callable[..., None]:
+    def decorate(command: Callable[[Options], None]) -> Callable[..., None]:
         @functools.wraps(command)
         def callback(**values: object) -> None:
             command(record(**values))

@@ -36,7 +36,7 @@ def argument(metavar: str, sentence: str, heading: str = ARGUMENTS) -> Any:
     return typer.Argument(metavar=metavar, help=sentence, rich_help_panel=heading)
 
 
-Task = Annotated[
+TaskOption = Annotated[
     str | None, option(WHAT, "TASK", "A task's name (repaint tasks list), or a card's file.")
 ]
 Preset = Annotated[
@@ -74,7 +74,7 @@ Resume = Annotated[
     ),
     Rule(resumable=True),
 ]
-RunFolder = Annotated[
+RunFolderOption = Annotated[
     Path | None, option(WHERE, "FOLDER", "The run's folder. Default: runs/TASK/METHOD-…")
 ]
 Keep = Annotated[int, option(WHERE, "INT", "Checkpoints to keep, the newest ones.", min=1)]

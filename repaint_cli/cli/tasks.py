@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from repaint_cli.tasks.card import TaskCard
 
 tasks = typer.Typer(no_args_is_help=True, help="List, show, copy, check task cards; trust a run.")
-Name = Annotated[str, argument("TASK", "A task's name, or the file of a card of your own.")]
+TaskName = Annotated[str, argument("TASK", "A task's name, or the file of a card of your own.")]
 
 
 @tasks.command("list", cls=HelpPage)
@@ -33,7 +33,7 @@ def list_tasks() -> None:
 
 
 @tasks.command(cls=HelpPage)
-def show(name: Name) -> None:
+def show(name: TaskName) -> None:
     """Show a task's settings, all of them, with what each means.
 
     Examples:
@@ -60,7 +60,7 @@ def show(name: Name) -> None:
 
 @tasks.command(cls=HelpPage)
 def copy(
-    name: Name, file: Annotated[Path, argument("FILE", "The new card, such as my-task.toml.")]
+    name: TaskName, file: Annotated[Path, argument("FILE", "The new card, such as my-task.toml.")]
 ) -> None:
     """Copy a task's card, whole, to a file of your own to edit.
 

@@ -14,11 +14,11 @@ from repaint_cli.cli.options import (
     Preset,
     Replace,
     Resume,
-    RunFolder,
+    RunFolderOption,
     Seed,
     Seeds,
     Set,
-    Task,
+    TaskOption,
     TensorBoard,
     option,
 )
@@ -28,7 +28,7 @@ class TrainTeacherOptions(NamedTuple):
     """The options of `repaint train-teacher`, in the order of its help."""
 
     context: typer.Context
-    task: Task = None
+    task: TaskOption = None
     preset: Preset = None
     iterations: Iterations = None
     seeds: Seeds = 1
@@ -42,7 +42,7 @@ class TrainTeacherOptions(NamedTuple):
         Rule(resumable=True),
     ] = None
     replace: Replace = False
-    run: RunFolder = None
+    run: RunFolderOption = None
     keep: Keep = 1
     tensorboard: TensorBoard = False
 

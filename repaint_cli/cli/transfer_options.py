@@ -20,11 +20,11 @@ from repaint_cli.cli.options import (
     Keep,
     Preset,
     Resume,
-    RunFolder,
+    RunFolderOption,
     Seed,
     Seeds,
     Set,
-    Task,
+    TaskOption,
     TensorBoard,
     option,
 )
@@ -51,7 +51,7 @@ class TransferOptions(NamedTuple):
     """The options of `repaint transfer`, in the order of its help."""
 
     context: typer.Context
-    task: Task = None
+    task: TaskOption = None
     teacher: Annotated[
         list[str] | None,
         option(WHOM, "TEACHER", "A teacher's name (repaint zoo list) or file; again for several."),
@@ -131,7 +131,7 @@ class TransferOptions(NamedTuple):
     eval_episodes: EvalEpisodes = None
     set: Set = None  # after all other settings: it overrides them
     resume: Resume = None
-    run: RunFolder = None
+    run: RunFolderOption = None
     keep: Keep = 1
     tensorboard: TensorBoard = False
 

@@ -14,7 +14,7 @@ from repaint_cli.paths import user_zoo
 
 zoo = typer.Typer(no_args_is_help=True, help="List, show, check, add, export, remove teachers.")
 zoo.command("add", cls=HelpPage)(add)
-Name = Annotated[str, argument("TEACHER", "A teacher's name or file.")]
+TeacherName = Annotated[str, argument("TEACHER", "A teacher's name or file.")]
 
 
 @zoo.command("list", cls=HelpPage)
@@ -64,7 +64,7 @@ def _fitting(task: str) -> list[str]:
 
 @zoo.command(cls=HelpPage)
 def show(
-    name: Name,
+    name: TeacherName,
     markdown: Annotated[
         bool, option(OPTIONS, None, "Write a page to publish beside the file.", "--markdown")
     ] = False,
@@ -126,7 +126,7 @@ def verify(
 
 @zoo.command(cls=HelpPage)
 def export(
-    name: Name,
+    name: TeacherName,
     folder: Annotated[
         Path, argument("FOLDER", "The folder to write to; it is made where there is none.")
     ],

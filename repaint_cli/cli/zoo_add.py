@@ -77,12 +77,12 @@ def _read_own(options: AddOptions) -> "tuple[ActorCritic, TeacherCard]":
     Raises:
         UsageError: an option for other libraries' files is given.
     """
-    from repaint_cli.zoo.store import load_teacher
+    from repaint_cli.zoo.store import read_teacher
 
     if options.task or options.vecnormalize:
         given = "--task" if options.task else "--vecnormalize"
         raise UsageError(f"expected --from {' or '.join(SOURCES)} beside {given}, found none")
-    return load_teacher(options.file)
+    return read_teacher(options.file)
 
 
 def _import_policy(options: AddOptions) -> "tuple[ActorCritic, TeacherCard]":

@@ -44,7 +44,7 @@ def train(card: TaskCard, learner: Learner, course: Course) -> Iterator[Iteratio
         DivergedError: an observation, a reward or a loss is not finite.
     """
     card.check_rollout()
-    check(card, learner.student.spaces)
+    check_actions(card, learner.student.spaces)
     target = _target_network(learner.student)
     for k in range(learner.iteration + 1, card.ppo.n_iterations + 1):
         meter = Meter(learner)
@@ -82,7 +82,7 @@ def _collect(
     return rollout, batches
 
 
-def check(card: TaskCard, spaces: Spaces) -> None:
+def check_actions(card: TaskCard, spaces: Spaces) -> None:
     """Check that a task's actions are numbered.
 
     Raises:

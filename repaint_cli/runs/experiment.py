@@ -226,7 +226,7 @@ class Experiment:
             StoreError: another teacher has that name by now, or the folder cannot be written.
         """
         best = self.plan.files.best
-        network, card = store.load_teacher(best)
+        network, card = store.read_teacher(best)
         scored = {"name": name, "score": score(network, self.plan.task, card.seed)}
         try:
             return store.add(network, 0, card.model_copy(update=scored), folder, replace=replace)

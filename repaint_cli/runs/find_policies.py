@@ -73,7 +73,7 @@ def _of_run(run: FinishedRun, card: TaskCard | None) -> Policies:
 
 
 def _of_teacher(name: str, card: TaskCard | None) -> Policies:
-    network, teacher = store.load_teacher(store.find(name))
+    network, teacher = store.read_teacher(store.find(name))
     if card:
         store.check_fits([teacher], card, spaces_of(card))
     code = teacher.task.code_at_risk()

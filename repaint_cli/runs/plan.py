@@ -83,7 +83,7 @@ class Plan:
         check_episodes(task)
         by_q = self.algorithm == "q-learning"
         if by_q:
-            q_learning.check(task, spaces)
+            q_learning.check_actions(task, spaces)
         paths = self.teachers if METHODS[self.method].needs_teacher else ()
         seeds = len(self.seeds)
         return spaces, load_teachers(paths, self.acting, task, spaces, seeds, beside=int(by_q))

@@ -15,7 +15,7 @@ from repaint_cli.runs.folder import RunFolder, runs_in
 from repaint_cli.runs.record import RunRecord
 from repaint_cli.tasks.card import TaskCard
 
-NUMBERS = (
+READ_COLUMNS = (
     "eval_return", "eval_progress", "env_steps", "kickstart_coef", "kept_fraction", "seconds",
 )  # fmt: skip
 """The columns of metrics.csv that runs are compared by."""
@@ -32,7 +32,7 @@ class FinishedRun:
     task: TaskCard
     """The target task, with the settings it was trained with."""
     rows: dict[str, np.ndarray]
-    """The `NUMBERS` of metrics.csv by column, (S, K); nan where a cell is empty."""
+    """The `READ_COLUMNS` of metrics.csv by column, (S, K); nan where a cell is empty."""
 
     @property
     def folder(self) -> Path:
@@ -105,20 +105,22 @@ def _columns(path: Path, seeds: Sequence[int]) -> dict[str, np.ndarray]:
         ValueError: a cell is no number, or a row out of place.
     """
     table = {str(seed): array("d") for seed in seeds}
-    for row in read_rows(path, ("iteration", "seed", *NUMBERS), appended=True):
+    for row in read_rows(path, ("iteration", "seed", *READ_COLUMNS), appended=True):
         own = table.get(row["seed"])
         if own is None:
             raise ValueError(f"expected the seeds of run.json, found '{row['seed']:.20}'")
-        if row["iteration"] != str(len(own) // len(NUMBERS) + 1):
+        if row["iteration"] != str(len(own) // len(READ_COLUMNS) + 1):
             raise ValueError(
                 f"expected iterations 1, 2, … of seed {row['seed']}, found '{row['iteration']:.20}'"
             )
-        own.extend(float(row[name] or "nan") for name in NUMBERS)
-        if not isfinite(own[-len(NUMBERS)]):
+        own.extend(float(row[name] or "nan") for name in READ_COLUMNS)
+        if not isfinite(own[-len(READ_COLUMNS)]):
             raise ValueError(f"expected a finite eval_return, found '{row['eval_return']:.20}'")
     length = min(len(own) for own in table.values())
-    cells = np.array([own[:length] for own in table.values()]).reshape(len(table), -1, len(NUMBERS))
-    return {name: cells[..., c].copy() for c, name in enumerate(NUMBERS)}
+    cells = np.array([own[:length] for own in table.values()]).reshape(
+        len(table), -1, len(READ_COLUMNS)
+    )
+    return {name: cells[..., c].copy() for c, name in enumerate(READ_COLUMNS)}
 
 
 def newest_run(root: Path) -> Path:

@@ -64,7 +64,7 @@ def load_teachers(
     teachers, records = list[Teacher](), list[TeacherRecord]()
     task = with_terms_of(cards, task)
     for path, card, act in zip(paths, cards, acts, strict=True):
-        network, _ = store.load_teacher(path, seeds)
+        network, _ = store.read_teacher(path, seeds)
         teachers.append(Teacher(network, act, _weights(card, task), cosine(card.task, task)))
         records.append(
             TeacherRecord(

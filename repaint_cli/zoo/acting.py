@@ -10,7 +10,7 @@ import torch
 
 from repaint_cli.errors import TeacherMismatch
 from repaint_cli.policies.networks import ActorCritic
-from repaint_cli.zoo.store import load_teacher
+from repaint_cli.zoo.store import read_teacher
 from repaint_cli.zoo.teacher_card import TeacherCard
 
 
@@ -30,7 +30,7 @@ class LoadedTeacher:
         Raises:
             CheckpointError: the file is damaged.
         """
-        network, card = load_teacher(path)
+        network, card = read_teacher(path)
         return cls(card, network)
 
     def act(self, observations: Any) -> np.ndarray:

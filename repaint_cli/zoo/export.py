@@ -18,7 +18,7 @@ from repaint_cli.files.atomic import as_json, atomic_write, write_text
 from repaint_cli.policies.distributions import Gaussian
 from repaint_cli.policies.networks import ActorCritic
 from repaint_cli.zoo.model_card import markdown
-from repaint_cli.zoo.store import load_teacher
+from repaint_cli.zoo.store import read_teacher
 from repaint_cli.zoo.teacher_card import TeacherCard
 
 OPSET = 20
@@ -40,7 +40,7 @@ def export(path: Path, folder: Path, *, onnx: bool = False) -> list[Path]:
         RepaintError: the package onnx or onnxscript is not installed.
         StoreError: the folder cannot be written.
     """
-    network, card = load_teacher(path)
+    network, card = read_teacher(path)
     if onnx:
         _require_onnx()
     name = path.stem

@@ -95,8 +95,8 @@ def remove(name: str) -> Path:
     return path
 
 
-def load_teacher(path: Path, n_seeds: int = 1) -> "tuple[ActorCritic, TeacherCard]":
-    """Load a teacher's networks, copied for each of S seeds, and its card.
+def read_teacher(path: Path, n_seeds: int = 1) -> "tuple[ActorCritic, TeacherCard]":
+    """Read a teacher's networks, copied for each of S seeds, and its card.
 
     Raises:
         CheckpointError: the file is damaged, or its leaves are not those of its card's networks.

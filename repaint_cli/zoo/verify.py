@@ -6,7 +6,7 @@ from repaint_cli.errors import CheckpointError, RepaintError
 from repaint_cli.files.headers import read_hash
 from repaint_cli.learn.evaluation import spaces_of
 from repaint_cli.zoo.scoring import score
-from repaint_cli.zoo.store import load_teacher
+from repaint_cli.zoo.store import read_teacher
 
 
 def verify(path: Path, *, again: bool = False) -> str:
@@ -23,7 +23,7 @@ def verify(path: Path, *, again: bool = False) -> str:
         CheckpointError: a check fails, the task cannot be played, or the score measured again is
             outside the card's interval.
     """
-    network, card = load_teacher(path)
+    network, card = read_teacher(path)
     sound = "sound" if read_hash(path) else "sound, but without a hash: of an earlier version"
     if code := card.task.code_at_risk():
         return f"{sound}; {code} is never run from a teacher's file"

@@ -1,4 +1,4 @@
-"""Every file that somebody else may have written, sound, and who reads it."""
+"""Every kind of file that other people may have written, undamaged, and its reader."""
 
 import json
 from dataclasses import dataclass
@@ -69,7 +69,7 @@ class Target:
 
 def teacher_targets(folder):
     def read(path):
-        network, card = store.load_teacher(path, 2)
+        network, card = store.read_teacher(path, 2)
         assert network.spaces == card.spaces
         own = read_task("reacher")
         relations = (
@@ -111,8 +111,7 @@ def run_targets(folder):
     path = folder / "checkpoint.safetensors"
 
     def checkpoint_read():
-        like = spaces_of(task), task.net, 2
-        learner = learner_of(task, [0, 1])
+        like, learner = (spaces_of(task), task.net, 2), learner_of(task, [0, 1])
         try:
             checkpoint.load_learner(path, learner, course_for(task, learner))
         finally:

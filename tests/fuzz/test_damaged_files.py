@@ -86,7 +86,7 @@ def test_the_judge_sees_what_must_not_be(tmp_path):
 def load(kind, path):
     """Read a file as each of the readers does."""
     readers = {
-        "teacher.safetensors": store.load_teacher,
+        "teacher.safetensors": store.read_teacher,
         "card.toml": lambda path: read_task(str(path)),
         "track.npy": lambda path: load_track(str(path)),
         "run.json": lambda path: read_run(path.parent),
@@ -174,7 +174,7 @@ def test_eight_gigabytes_behind_a_teacher_are_not_read_in(tmp_path):
     path = add_teacher(tmp_path)
     os.truncate(path, HUGE)
     with pytest.raises(CheckpointError, match="is not a whole safetensors file"):
-        store.load_teacher(path)
+        store.read_teacher(path)
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may read everything")

@@ -47,7 +47,7 @@ def with_card(path, change):
 
 def no_teacher(path, message):
     with pytest.raises(CheckpointError, match=message) as caught:
-        store.load_teacher(path)
+        store.read_teacher(path)
     assert len(str(caught.value)) < 1000
 
 
@@ -174,7 +174,7 @@ def test_the_largest_header_takes_its_share_of_memory(tmp_path, what):
     path.write_bytes(data)
     reading = Reading()
     with reading.watched(what, data), pytest.raises(CheckpointError, match="was not written by"):
-        store.load_teacher(path)
+        store.read_teacher(path)
     with (
         reading.watched(what, data),
         pytest.raises(CheckpointError, match="is missing in the file"),

@@ -31,7 +31,7 @@ ADVICE = "no offscreen renderer works here (tried EGL and OSMesa); on Debian: ap
 )
 SIZE = 480
 """Width and height of a MuJoCo frame, pixels."""
-CAMERAS: dict[str, dict[str, Any]] = {
+CAMERA_SETTINGS: dict[str, dict[str, Any]] = {
     "Reacher-v5": {
         "trackbodyid": -1,
         "lookat": [0.0, 0.0, 0.0],
@@ -157,7 +157,7 @@ def probe() -> bool:
         return bool(np.ptp(renderer.render()) > 0)
 
 
-def film(job: Mapping[str, Any]) -> None:
+def write_film(job: Mapping[str, Any]) -> None:
     """Write the film that `render_gym` asks for."""
     import gymnasium
 
@@ -179,8 +179,8 @@ def _view(job: Mapping[str, Any]) -> dict[str, Any]:
     if not entry.startswith("gymnasium.envs.mujoco"):
         return dict(job["kwargs"])
     view: dict[str, Any] = {"width": SIZE, "height": SIZE}
-    if job["env_id"] in CAMERAS:
-        view["default_camera_config"] = CAMERAS[job["env_id"]]
+    if job["env_id"] in CAMERA_SETTINGS:
+        view["default_camera_config"] = CAMERA_SETTINGS[job["env_id"]]
     return {**view, **job["kwargs"]}
 
 
@@ -212,7 +212,7 @@ def main(task: str) -> int:
     try:
         if task == "probe":
             return 0 if probe() else 1
-        film(json.load(sys.stdin))
+        write_film(json.load(sys.stdin))
     except Exception as error:  # the parent turns it into one line for people
         sys.stdout.write((str(error) or type(error).__name__).splitlines()[0])
         return 1

@@ -28,7 +28,7 @@ from torch import Tensor, tensor
 
 from repaint_cli.learn.rollout.gae import Samples
 
-LEVELS = 101
+N_QUANTILES = 101
 """Quantiles that stand for the student's advantages."""
 
 UNKNOWN = 1e30
@@ -45,8 +45,8 @@ class Measurements:
         """Begin with evaluated returns (S, E) of the students and of each teacher."""
         self.own = self.random = self.before = mean_and_error(own)
         self.taught = np.stack([mean_and_error(returns) for returns in taught], 1)  # (2, M, S)
-        self.quantiles = np.zeros((LEVELS, len(own)))
-        """Of Â in each student's last batch, (LEVELS, S)."""
+        self.quantiles = np.zeros((N_QUANTILES, len(own)))
+        """Of Â in each student's last batch, (N_QUANTILES, S)."""
         self.leading: np.ndarray = np.ones((len(taught), len(own)), bool)
         """Whether a teacher was ahead of a student in the last own iteration, (M, S)."""
         self.share: np.ndarray | None = None
@@ -67,7 +67,7 @@ class Measurements:
     def add_advantages(self, samples: Samples) -> None:
         """Add the students' advantages, as the critic estimates them after its fit."""
         per_seed = zip(samples.advantages, samples.counts.tolist(), strict=True)
-        levels = np.linspace(0, 1, LEVELS)
+        levels = np.linspace(0, 1, N_QUANTILES)
         self.quantiles = np.stack([np.quantile(own[:n].numpy(), levels) for own, n in per_seed], 1)
 
     def betas(self, cosines: Sequence[float | None]) -> np.ndarray:

@@ -31,7 +31,7 @@ MAX_SETTINGS_BYTES = 16 * 2**20
 
 SUPPORTED = "what can be read: PPO and A2C with MlpPolicy or CnnPolicy"
 
-ACTIVATIONS = {
+ACTIVATION_NAMES = {
     f"<class 'torch.nn.modules.activation.{name}'>": name.lower()
     for name in ("Tanh", "ReLU", "ELU")
 }
@@ -183,12 +183,12 @@ def _activation(settings: dict[str, Any], spaces: Spaces, path: Path) -> str:
             raise CheckpointError(
                 f"{path}: found a policy with {key}={str(value)[:80]}; {SUPPORTED} without it"
             )
-    if activation not in ACTIVATIONS:
-        known = ", ".join(text.split(".")[-1].rstrip("'>") for text in ACTIVATIONS)
+    if activation not in ACTIVATION_NAMES:
+        known = ", ".join(text.split(".")[-1].rstrip("'>") for text in ACTIVATION_NAMES)
         raise CheckpointError(
             f"{path}: expected activation_fn {known}, found {str(activation)[:80]}"
         )
-    return ACTIVATIONS[activation]
+    return ACTIVATION_NAMES[activation]
 
 
 def _dense(

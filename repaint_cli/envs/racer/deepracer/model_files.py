@@ -10,14 +10,14 @@ from repaint_cli.errors import CardError, reported_as
 from repaint_cli.files.limits import read_json
 from repaint_cli.settings import PPOConfig
 
-CAMERAS = {
+CAMERA_NAMES = {
     "observation": "camera",
     "FRONT_FACING_CAMERA": "camera",
     "LEFT_CAMERA": "camera",
     "STEREO_CAMERAS": "stereo",
 }
-SENSORS = {frozenset({name}): camera for name, camera in CAMERAS.items()} | {
-    frozenset({name, "LIDAR"}): f"{camera}+lidar" for name, camera in CAMERAS.items()
+SENSOR_NAMES = {frozenset({name}): camera for name, camera in CAMERA_NAMES.items()} | {
+    frozenset({name, "LIDAR"}): f"{camera}+lidar" for name, camera in CAMERA_NAMES.items()
 }
 """What a car may carry, and what we call it."""
 
@@ -130,9 +130,9 @@ def _actions(path: Path, space: Any) -> list[list[float]]:
 def _sensors(path: Path, data: dict[str, Any]) -> str:
     named = data.get("sensor", ["observation"])
     wanted = frozenset(map(str, named if isinstance(named, list) else [named]))
-    if wanted not in SENSORS:
+    if wanted not in SENSOR_NAMES:
         raise CardError(
-            f"{path}: expected one of the cameras {', '.join(CAMERAS)}, with or without LIDAR; "
-            f"found {', '.join(sorted(wanted)):.100}"
+            f"{path}: expected one of the cameras {', '.join(CAMERA_NAMES)}, with or without "
+            f"LIDAR; found {', '.join(sorted(wanted)):.100}"
         )
-    return SENSORS[wanted]
+    return SENSOR_NAMES[wanted]

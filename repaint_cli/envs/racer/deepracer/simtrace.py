@@ -34,9 +34,9 @@ COLUMNS = (
 )  # fmt: skip
 """Of a simtrace, in DeepRacer's order."""
 
-METRICS = "metrics/TrainingMetrics.json"
+METRICS_FILE = "metrics/TrainingMetrics.json"
 
-START: Mapping[str, float] = {"clock": 0.0, "episodes": 0, "noted": 0}
+EMPTY_LOG: Mapping[str, float] = {"clock": 0.0, "episodes": 0, "noted": 0}
 """How far a log is before anything was driven."""
 
 
@@ -62,7 +62,7 @@ class Simtrace:
         self._per_iteration = run.ppo.n_episodes or 0
         self._length = load_track(env.track).length
         self._clock, self._episodes = 0.0, 0
-        self._metrics = TrainingMetrics(folder / METRICS)
+        self._metrics = TrainingMetrics(folder / METRICS_FILE)
         self._noted: list[dict[str, Any]] = []
         self._write_settings(env, run, resumed)
 
@@ -78,7 +78,7 @@ class Simtrace:
             CheckpointError: TrainingMetrics.json is damaged.
             StoreError: a file cannot be changed.
         """
-        position = {**START, **position}
+        position = {**EMPTY_LOG, **position}
         self._metrics.cut(int(position["noted"]))
         self._noted, self._clock = [], position["clock"]
         self._episodes = int(position["episodes"])
@@ -123,13 +123,13 @@ class Simtrace:
             write_text(self.folder / place, text)
         if alone:
             self._write_metrics()
-            places.append(METRICS)
+            places.append(METRICS_FILE)
         return [self.folder / place for place in places]
 
     def _holds_training(self) -> bool:
         """Tell whether the folder's log is of a training, and not of an earlier evaluation."""
         try:
-            noted = read_json(self.folder / METRICS)["metrics"]
+            noted = read_json(self.folder / METRICS_FILE)["metrics"]
             return any(item["phase"] == "training" for item in noted)
         except (DamagedFile, LookupError, TypeError):
             return (self.folder / TRAINING).is_dir()

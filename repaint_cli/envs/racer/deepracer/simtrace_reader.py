@@ -16,7 +16,7 @@ from repaint_cli.files.limits import read_rows
 TRAINING = "training-simtrace"
 """The folder of the training episodes, a file per iteration."""
 
-NUMBERS = (
+TRACE_COLUMNS = (
     "X", "Y", "yaw", "steer", "throttle", "action", "reward", "progress", "closest_waypoint",
     "obstacle_crash_counter",
 )  # fmt: skip
@@ -53,7 +53,7 @@ def read_simtrace(path: Path) -> list[Trace]:
     Raises:
         CheckpointError: the file cannot be read, or is no log of episodes.
     """
-    needed = ("episode", "episode_status", *NUMBERS[:-1])
+    needed = ("episode", "episode_status", *TRACE_COLUMNS[:-1])
     episodes = groupby(read_rows(path, needed), key=itemgetter("episode"))
     try:
         with reported_as(CheckpointError):
@@ -69,13 +69,13 @@ def _trace(rows: Iterator[dict[str, str]]) -> Trace:
     """Return the trace of an episode; a log is long, so nothing but numbers is kept meanwhile."""
     numbers, status = array("d"), ""
     for row in rows:
-        numbers.extend(float(row.get(name) or 0) for name in NUMBERS)
+        numbers.extend(float(row.get(name) or 0) for name in TRACE_COLUMNS)
         numbers.append(row.get("all_wheels_on_track") == "True")
         status = row["episode_status"]
-    table = np.frombuffer(numbers).reshape(-1, len(NUMBERS) + 1)
+    table = np.frombuffer(numbers).reshape(-1, len(TRACE_COLUMNS) + 1)
     if not -(2**53) < table.min() <= table.max() < 2**53:  # nan is refused, too
         raise ValueError("expected numbers within 2^53")
-    whole = dict(zip((*NUMBERS, "on"), table.T, strict=True))
+    whole = dict(zip((*TRACE_COLUMNS, "on"), table.T, strict=True))
     return Trace(
         **{name.lower(): whole[name] for name in ("X", "Y", "yaw", "steer", "throttle")},
         action=whole["action"].astype(int),

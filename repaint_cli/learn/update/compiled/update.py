@@ -27,12 +27,12 @@ from repaint_cli.learn.update.spec import UpdateSpec
 from repaint_cli.policies.distributions import Categorical, Gaussian
 from repaint_cli.policies.networks import ActorCritic
 
-POLICY_METRICS = (
+POLICY_METRIC_NAMES = (
     "policy_loss", "entropy", "cross_entropy", "approx_kl", "clip_fraction", "log_ratio"
 )  # fmt: skip
 """What `learn_policy` measures at each of its steps, in this order."""
 
-METRICS = (*POLICY_METRICS, "value_loss")
+METRIC_NAMES = (*POLICY_METRIC_NAMES, "value_loss")
 """Those and what `learn_value` measures."""
 
 OF_INSTANCES = ("policy_loss", "approx_kl", "clip_fraction", "log_ratio")
@@ -61,7 +61,9 @@ def take_steps(
     """
     counts = samples.counts.tolist()
     n_steps = spec.ppo.n_epochs * -(-max(counts) // spec.ppo.minibatch_size)
-    of_policy, of_critic = (np.zeros((len(counts), n_steps, n)) for n in (len(POLICY_METRICS), 1))
+    of_policy, of_critic = (
+        np.zeros((len(counts), n_steps, n)) for n in (len(POLICY_METRIC_NAMES), 1)
+    )
     seeds = list(_seeds(student, optimizer, samples, spec, rngs))
     jobs = list[Callable[[], int]]()
     if spec.moves_policy:
@@ -169,7 +171,7 @@ def _means(metrics: np.ndarray, steps: np.ndarray) -> dict[str, np.ndarray]:
     """Return each seed's means over its steps, (S,) each, nan of none.
 
     Args:
-        metrics: of each step, named by METRICS, (S, steps, 7).
+        metrics: of each step, named by METRIC_NAMES, (S, steps, 7).
         steps: how many each seed took, (S,).
 
     Raises:
@@ -179,10 +181,10 @@ def _means(metrics: np.ndarray, steps: np.ndarray) -> dict[str, np.ndarray]:
     diverged[..., 3:6] = False  # diagnostics, no parts of a loss
     if diverged.any():
         s, step, column = np.argwhere(diverged)[0]
-        raise DivergedError.of_loss(METRICS[column], metrics[s, step, column], int(s))
+        raise DivergedError.of_loss(METRIC_NAMES[column], metrics[s, step, column], int(s))
     with np.errstate(invalid="ignore", over="ignore"):
         means = (metrics.sum(1) / steps[:, None]).astype(np.float32)  # (S, 7)
-    return dict(zip(METRICS, means.T, strict=True))
+    return dict(zip(METRIC_NAMES, means.T, strict=True))
 
 
 def _as_written(metrics: dict[str, np.ndarray], spec: UpdateSpec) -> dict[str, np.ndarray]:
