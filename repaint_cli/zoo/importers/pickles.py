@@ -70,7 +70,7 @@ class Refused(ValueError):
     """A pickle that is damaged, or more than data; the message names what it holds."""
 
 
-def read_pickle(data: bytes) -> Any:
+def parse_pickle(data: bytes) -> Any:
     """Return a pickle's value: numbers, texts, bytes, lists, tuples, dicts and records.
 
     Raises:

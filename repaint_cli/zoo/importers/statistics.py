@@ -15,7 +15,7 @@ from repaint_cli.errors import CheckpointError, UsageError, reported_as
 from repaint_cli.files.limits import read_bytes
 from repaint_cli.files.npy import NotAnArray, read_npy
 from repaint_cli.zoo.importers.archives import read_members
-from repaint_cli.zoo.importers.pickles import Record, Refused, array_of, number_of, read_pickle
+from repaint_cli.zoo.importers.pickles import Record, Refused, array_of, number_of, parse_pickle
 
 MAX_BYTES = 16 * 2**20
 """Bytes that a file of statistics may have."""
@@ -57,7 +57,7 @@ def read_statistics(path: Path) -> Statistics | None:
     if path.suffix == ".npz":
         return _from_arrays(data, path)
     try:
-        return _from_vecnormalize(read_pickle(data))
+        return _from_vecnormalize(parse_pickle(data))
     except Refused as error:
         raise CheckpointError(
             f"{path}: expected what VecNormalize.save writes, found {error}; {ADVICE}"
