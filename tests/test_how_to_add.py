@@ -4,7 +4,7 @@ Those of a simulator and a course are tests/test_new_simulator.py and tests/test
 """
 
 import numpy as np
-from small_learners import course_for, learner_of, stranger, taught_by
+from small_learners import course_for, learner_of, teachers_of, untrained_teacher
 from small_runs import add_teacher
 from small_tasks import reach
 
@@ -29,7 +29,9 @@ def test_a_selection_rule_is_a_function_and_a_line(monkeypatch):
     select = card.select.model_copy(update={"rule": "half"})
     card = card.model_copy(update={"select": select})
     learner = learner_of(card, [0])
-    _, instance = train(card, learner, course_for(card, learner, taught_by(stranger(card))))
+    _, instance = train(
+        card, learner, course_for(card, learner, teachers_of(untrained_teacher(card)))
+    )
     assert instance.phase == "instance"
     assert 0.5 <= instance.metrics["kept_fraction"][0] < 0.52
 
