@@ -86,3 +86,19 @@ def test_a_term_that_it_cannot_pay_is_refused(line, repaint):
     refused = repaint("transfer", "--task", "odd.toml", "--teacher", "stay")
     assert refused.code != 0
     assert "left" in refused.err
+
+
+@pytest.mark.parametrize(("teacher", "target"), [("stay", "go"), ("go", "stay")])
+def test_relevance_asks_what_each_was_paid_in_its_own_terms(line, repaint, teacher, target):
+    if "image = true" in (line / "go.toml").read_text():
+        pytest.skip("relevance is judged by distances between vectors")
+    assert repaint("train-teacher", "--task", f"{teacher}.toml").code == 0
+    taught = repaint(
+        "transfer", "--task", f"{target}.toml", "--teacher", teacher, "--select", "rbt",
+        "--run", "run",
+    )  # fmt: skip
+    assert taught.code == 0, taught.err
+    last = (line / "run" / "metrics.csv").read_text().splitlines()[-1]
+    assert last.split(",")[2] == "instance"
+    card = json.loads((line / "run" / "run.json").read_text())["task"]
+    assert list(card["reward"]) == (["near", "right"] if target == "go" else ["near"])
