@@ -5,6 +5,7 @@ import json
 import pytest
 
 from repaint_cli.envs.registry import REGISTRY
+from repaint_cli.errors import RenderError
 
 CARD = """
 summary = "A point on a line should {aim}."
@@ -102,3 +103,21 @@ def test_relevance_asks_what_each_was_paid_in_its_own_terms(line, repaint, teach
     assert last.split(",")[2] == "instance"
     card = json.loads((line / "run" / "run.json").read_text())["task"]
     assert list(card["reward"]) == (["near", "right"] if target == "go" else ["near"])
+
+
+def test_a_simulator_of_two_methods_trains_and_is_compared_with_its_equals(
+    home, repaint, monkeypatch
+):
+    monkeypatch.setitem(REGISTRY, "bare", "line_simulator:BareSimulator")
+    card = CARD.format(aim="stay", image="false", reward="near = 1.0", net=NETS["vector"])
+    card = card.replace('"line"\nimage = false', '"bare"')
+    (home / "stay.toml").write_text(card)
+    (home / "long.toml").write_text(card.replace('"bare"', '"bare"\nsteps = 6'))
+    assert repaint("train-teacher", "--task", "stay.toml", "--run", "stay").code == 0
+    assert repaint("eval", "stay").code == 0
+    filmed = repaint("eval", "stay", "--render-offscreen")
+    assert filmed.code == RenderError.exit_code
+    assert "the simulator 'bare' has no films" in filmed.err
+    assert repaint("similarity", "stay.toml", "stay.toml").code == 0
+    # only a running environment shows its terms, so another time limit may mean other ones
+    assert "not comparable" in repaint("similarity", "stay.toml", "long.toml").out

@@ -80,7 +80,7 @@ class Episodes:
 
     @property
     def status(self) -> np.ndarray | None:
-        """How each episode ended, (S, E) indices into `Simulator.statuses`, where recorded."""
+        """How each episode ended, (S, E) numbers that the simulator gives, where recorded."""
         return self.last("status")
 
     @property

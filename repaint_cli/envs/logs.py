@@ -84,13 +84,13 @@ class LogFormat(ABC):
 
     @abstractmethod
     def draw_training(
-        self, run: Path, seeds: Sequence[int], progress: np.ndarray, title: str
+        self, run: Path, seeds: Sequence[int], progress: np.ndarray | None, title: str
     ) -> list[Path]:
         """Draw what a run's logs show of its first seed's training; return the pictures.
 
         Args:
             run: its folder.
             seeds: its seeds, (S,).
-            progress: evaluated mean progress, (S, K) in %.
+            progress: evaluated mean progress, (S, K) in %, where recorded.
             title: over the figures.
         """

@@ -12,8 +12,14 @@ REGISTRY = {
 """The class of each simulator by its name in a card, as module:class; imported when needed."""
 
 
-def simulator_class(name: str) -> type[Simulator]:
-    """Return the class of a simulator by its name in the registry."""
+def simulator_class(name: object) -> type[Simulator]:
+    """Return the class of a simulator by its name in a card, which may hold anything.
+
+    Raises:
+        ValueError: no simulator has this name.
+    """
+    if not isinstance(name, str) or name not in REGISTRY:
+        raise ValueError(f"expected simulator = {' or '.join(map(repr, REGISTRY))}")
     module, _, kind = REGISTRY[name].partition(":")
     simulator: type[Simulator] = getattr(import_module(module), kind)
     return simulator

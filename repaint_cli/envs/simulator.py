@@ -1,18 +1,19 @@
 """The interface of a simulator: everything that a command needs of one.
 
 A card's [env] section is a simulator with its settings. A new one subclasses `Simulator` and has a
-line in `registry.REGISTRY`. **S** seeds · **T** steps · **N** environments, **E** episodes a seed.
+line in `registry.REGISTRY`. **S** seeds · **N** environments, **E** episodes a seed.
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
-import numpy as np
-
-from repaint_cli.envs.episodes import Column, EpisodePaths, Episodes
+from repaint_cli.envs.episodes import Column, Episodes
 from repaint_cli.envs.logs import LogFormat
+from repaint_cli.envs.paths import PathFormat
+from repaint_cli.envs.reward_functions import RewardFunctions
+from repaint_cli.errors import RenderError
 from repaint_cli.settings import EvalConfig, Settings
 
 if TYPE_CHECKING:
@@ -83,7 +84,11 @@ class Simulator(Settings, ABC):
 
     @property
     def records(self) -> tuple[str, ...]:
-        """What of the infos of a step is worth keeping, by name."""
+        """What of the infos of a step is worth keeping, by name.
+
+        Three names mean the same everywhere, and curves, tables and metrics use them: `progress`
+        (% of the way), `lap_time` (s) and `status` (a number, how the episode ended).
+        """
         return ()
 
     # The task
@@ -100,6 +105,8 @@ class Simulator(Settings, ABC):
 
     def same_world(self, other: "Simulator") -> bool:
         """Return whether the reward terms of both mean the same, so that weights compare."""
+        if self.reward_terms is None or other.reward_terms is None:
+            return self == other
         return type(self) is type(other) and self.reward_terms == other.reward_terms
 
     def symmetries(self) -> tuple[Any, ...]:
@@ -125,25 +132,10 @@ class Simulator(Settings, ABC):
         """Return what user code would run or user file be read, for people, or None."""
         return None
 
-    takes_reward_function: ClassVar[bool] = False
-    """Whether a user's own `reward_function(params)` can be the reward."""
-
-    def with_reward_function(self, env: "Environments", name: str, source: str) -> "Environments":
-        """Return the environments with the term "function", paid by a user's reward function.
-
-        Args:
-            env: what `make` returned.
-            name: the function's file, for messages.
-            source: its text.
-
-        Raises:
-            CardError: the text does not run or has no such function.
-        """
-        raise NotImplementedError
-
-    def sample_rewards(self, name: str, source: str) -> tuple[np.ndarray, np.ndarray, list[str]]:
-        """Return φ (B, F) in B states, what a reward function pays there (B,), and φ's names."""
-        raise NotImplementedError
+    @property
+    def reward_functions(self) -> RewardFunctions | None:
+        """A user's own reward functions as the reward, or None where it takes none."""
+        return None
 
     @classmethod
     def check_file(cls, name: str) -> "CheckedFile | None":
@@ -159,8 +151,6 @@ class Simulator(Settings, ABC):
 
     score_episodes: ClassVar[int] = 100
     """Episodes in a teacher's score."""
-    statuses: ClassVar[tuple[str, ...]] = ()
-    """How episodes may end: names of the numbers in the record `status`."""
 
     def columns(self, episodes: Episodes, s: int) -> list[Column]:
         """Return the columns of a table of the episodes of seed s, beside their return."""
@@ -170,53 +160,17 @@ class Simulator(Settings, ABC):
         """Return the outcomes of episodes, beside returns and lengths, as JSON."""
         return {}
 
-    # Paths and figures
-
-    @property
-    def has_paths(self) -> bool:
-        """Whether episodes lead along paths."""
-        return False
-
-    drawn_records: ClassVar[tuple[str, ...]] = ()
-    """The records that `draw_paths` shows."""
-    colours: ClassVar[tuple[str, ...]] = ()
-    """What may colour paths; the first is the default."""
+    # Paths
 
     @property
     def place(self) -> str:
         """What two tasks share whose paths can be drawn side by side, for people."""
         return self.simulator
 
-    def paths(
-        self,
-        valid: np.ndarray,
-        records: Mapping[str, np.ndarray],
-        observations: Callable[[], np.ndarray],
-    ) -> EpisodePaths | None:
-        """Return the paths of evaluated episodes, where they have any.
-
-        Args:
-            valid: which steps count, (T, S, E).
-            records: what was recorded, (T, S, E, …), nan after the end.
-            observations: returns all observations, (S, T+1, E, O), where they are vectors.
-        """
+    @property
+    def paths(self) -> PathFormat | None:
+        """How its episodes' paths are found and drawn, or None where they lead along none."""
         return None
-
-    def draw_paths(
-        self, panels: Sequence[tuple[str, Episodes]], path: Path, title: str, colour: str
-    ) -> None:
-        """Draw the first seed's paths, a panel per evaluation; only where `has_paths`.
-
-        Args:
-            panels: a label and an evaluation each, in reading order.
-            path: of the PNG.
-            title: over the whole figure.
-            colour: what colours the paths; "" is the default.
-
-        Raises:
-            StoreError: the file cannot be written.
-        """
-        raise NotImplementedError
 
     # Films
 
@@ -225,11 +179,10 @@ class Simulator(Settings, ABC):
     films_observations: ClassVar[bool] = False
     """Whether a film shows what the policy observed."""
 
-    def for_film(self) -> "Simulator":
-        """Return the settings whose episodes can be filmed."""
+    def for_replay(self) -> "Simulator":
+        """Return the settings whose episodes can be played again, for a film."""
         return self
 
-    @abstractmethod
     def film(self, episodes: Episodes, path: Path, title: str, n_episodes: int) -> None:
         """Film the first seed's first episodes.
 
@@ -237,6 +190,7 @@ class Simulator(Settings, ABC):
             RenderError: no renderer works here, or the environment cannot be drawn.
             StoreError: the file cannot be written.
         """
+        raise RenderError(f"the simulator '{self.simulator}' has no films")
 
     # Logs
 

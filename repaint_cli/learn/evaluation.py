@@ -87,7 +87,9 @@ def _episodes(task: Task, rollout: Rollout, seeds: list[int]) -> Episodes:
         stores = [store.numpy() for store in rollout.observations.stores]
         return np.stack([store[rollout.index[:, s]] for s, store in enumerate(stores)])
 
-    positions, targets = task.env.paths(valid, records, observations) or (None, None)
+    finder, positions, targets = task.env.paths, None, None
+    if finder is not None:
+        positions, targets = finder.paths_of(valid, records, observations)
     return Episodes(
         returns=(rollout.rewards * valid).sum(0),
         lengths=valid.sum(0),

@@ -45,7 +45,9 @@ def train(card: TaskCard, learner: Learner, course: Course) -> Iterator[Iteratio
             else:
                 metrics, rollout = on_policy_iteration(card, learner, course, now)
             _check_weights(learner)
-        yield meter.finish(course, now.phase, metrics, rollout)
+        learner.iteration = k
+        course.finish(now.phase)
+        yield meter.stats(now.phase, metrics, rollout)
 
 
 def instance_iteration(

@@ -58,7 +58,9 @@ def train(card: TaskCard, learner: Learner, course: Course) -> Iterator[Iteratio
         metrics["episode_return"], metrics["episode_length"] = rollout.mean_episodes()
         metrics["epsilon"] = np.full(len(learner.seeds), epsilon(k, card.q_learning))
         phase: Phase = "instance" if actors else "ppo"
-        yield meter.finish(course, phase, metrics, rollout.without_observations())
+        learner.iteration = k
+        course.finish(phase)
+        yield meter.stats(phase, metrics, rollout.without_observations())
 
 
 def _collect(

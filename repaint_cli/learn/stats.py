@@ -7,7 +7,6 @@ import numpy as np
 
 from repaint_cli.learn.learner import Learner
 from repaint_cli.learn.rollout.storage import Rollout
-from repaint_cli.learn.transfer.course import Course
 from repaint_cli.learn.transfer.schedules import Phase
 
 
@@ -34,24 +33,17 @@ class Meter:
         self._learner, self._before = learner, learner.env_steps.copy()
         self._started = perf_counter()
 
-    def finish(
-        self,
-        course: Course,
-        phase: Phase,
-        metrics: dict[str, np.ndarray],
-        rollout: Rollout | None,
+    def stats(
+        self, phase: Phase, metrics: dict[str, np.ndarray], rollout: Rollout | None
     ) -> IterationStats:
-        """Count the iteration as finished, and return what it did.
+        """Return what the iteration did, which has ended.
 
         Args:
-            course: which notes the phase.
-            phase: what the iteration was.
+            phase: what it was.
             metrics: its losses and diagnostics, (S,) each.
             rollout: what the students did, if they acted.
         """
         seconds, learner = perf_counter() - self._started, self._learner
-        learner.iteration += 1
-        course.finish(phase)
         taken = learner.env_steps - self._before
         metrics = metrics | {
             "env_steps": learner.env_steps.copy(),

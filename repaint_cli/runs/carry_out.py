@@ -112,7 +112,7 @@ def _finish(experiment: Experiment, interrupted: bool, tensorboard: bool) -> Tra
         written.append(teacher)
     run = read_run(plan.folder)
     written += draw_run(run)
-    if plan.task.env.has_paths:
+    if plan.task.env.paths:
         written.append(files.evaluations)
     if logs := plan.task.env.logs:
         written += logs.folders(plan.folder, plan.seeds)

@@ -32,7 +32,6 @@ def save_learner(path: Path, learner: Learner, course: Course, notes: Mapping[st
         "seeds": learner.seeds,
         "iteration": learner.iteration,
         "env_steps": learner.env_steps.tolist(),
-        "after_instance": course.after_instance,
     }
     save(path, tensors, {**notes, **counters})
 
@@ -70,7 +69,6 @@ def _put(
     load_policy(learner.student, below(NETWORKS, tensors), str(path))
     learner.optimizer.load(below("adam/", tensors))
     course.load(tensors)
-    course.after_instance = bool(notes["after_instance"])
     memory = below("memory/", tensors)
     learner.memory = Experience.of_state(memory) if memory else None
     learner.iteration = int(notes["iteration"])

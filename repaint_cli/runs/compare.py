@@ -130,7 +130,7 @@ def compare_paths(folders: Sequence[Path], picture: Path) -> list[EvaluatedRun]:
     if len(places) != 1:
         named = ", ".join(places) or "no run"
         raise CardError(f"expected runs on one track or in one environment, found {named}")
-    if not runs[0].task.env.has_paths:
+    if runs[0].task.env.paths is None:
         raise CardError(f"expected a task with paths to draw, found '{runs[0].task.name}'")
     evaluated = []
     for run in runs:

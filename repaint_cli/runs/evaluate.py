@@ -60,7 +60,7 @@ def check_simulator(
     known = {
         "--noise": not noise or card.env.has_noise,
         "--simtrace": not log_folder or card.env.logs is not None,
-        "--colour": not colour or colour in card.env.colours,
+        "--colour": not colour or (card.env.paths is not None and colour in card.env.paths.colours),
     }
     for option, fits in known.items():
         if not fits:

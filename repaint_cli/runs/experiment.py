@@ -166,9 +166,8 @@ class Experiment:
             if report.stats.rollout:
                 log.log_training(k, report.stats.rollout.steps, s)
             log.log_evaluation(k, report.evaluation.steps, s)
-        env = self.plan.task.env
-        if env.has_paths:
-            evaluations.write(files.evaluation(k), k, report.evaluation, env.drawn_records)
+        if paths := self.plan.task.env.paths:
+            evaluations.write(files.evaluation(k), k, report.evaluation, paths.records)
         rows = [
             row | {"seed": seed} for row, seed in zip(report.rows, self.plan.seeds, strict=True)
         ]

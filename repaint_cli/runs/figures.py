@@ -40,7 +40,7 @@ def draw_evaluations(run: FinishedRun) -> list[Path]:
 def draw_training(run: FinishedRun) -> list[Path]:
     """Draw what the run's logs show of its first seed's training, if the simulator has logs."""
     logs = run.task.env.logs
-    if logs is None or run.progress is None:
+    if logs is None:
         return []
     return logs.draw_training(run.folder, run.seeds, run.progress, _first_seed(run))
 
@@ -87,7 +87,7 @@ def draw_trajectories(
 
     `colour` says what colours the paths; "" is the simulator's default.
     """
-    panels = [panel for panel in panels if panel[1].paths is not None]
-    if panels:
-        task.env.draw_paths(panels, path, title, colour)
-    return bool(panels)
+    if task.env.paths is None or not panels:
+        return False
+    task.env.paths.draw(panels, path, title, colour)
+    return True

@@ -125,4 +125,4 @@ def with_settings(policies: Policies, options: Sequence[str], settings: Sequence
         name = f"{policies.name} · {', '.join(settings)}"
         folder = ROOT / card.name / f"eval-set-{stamp()}"
         policies = replace(policies, name=name, folder=folder)
-    return replace(policies, card=card.model_copy(update={"env": card.env.for_film()}))
+    return replace(policies, card=card.model_copy(update={"env": card.env.for_replay()}))

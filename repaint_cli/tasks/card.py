@@ -15,7 +15,7 @@ from repaint_cli.tasks.task import Task
 
 
 class Titled(Settings):
-    """What a card is called."""
+    """What a card is called; the last base of a card, whose fields come first in every file."""
 
     name: str
     """The card's file name without its suffix."""

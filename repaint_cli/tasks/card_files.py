@@ -4,11 +4,12 @@ A card may extend a shipped one and then holds only what differs.
 """
 
 import os
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 from repaint_cli.envs.racer.deepracer.model_files import read_hyperparameters
-from repaint_cli.envs.registry import REGISTRY, simulator_class
+from repaint_cli.envs.registry import simulator_class
 from repaint_cli.errors import CardError, NotFound, reported_as
 from repaint_cli.files.limits import read_text, read_toml
 from repaint_cli.paths import shipped
@@ -67,8 +68,9 @@ def _resolve_files(data: dict[str, Any], basis: dict[str, Any], folder: Path) ->
     env, ppo = (data.get(section) for section in ("env", "ppo"))
     if isinstance(env, dict):
         name = env.get("simulator", basis.get("env", {}).get("simulator"))
-        if name in REGISTRY:
-            data["env"] = simulator_class(name).resolve_files(env, folder)
+        with suppress(ValueError):  # an unknown simulator, which the card's check refuses
+            kind = simulator_class(name)
+            data["env"] = kind.resolve_files(env, folder)
     if isinstance(ppo, dict) and isinstance(ppo.get("hyperparameters"), str):
         settings = read_hyperparameters(folder / ppo.pop("hyperparameters"))
         if "n_steps" in ppo:

@@ -48,9 +48,11 @@ def fit(task: TaskCard) -> Fit:
     Raises:
         CardError: the function failed, or always pays the same.
     """
-    assert task.reward_code is not None
+    code, functions = task.reward_code, task.env.reward_functions
+    assert code is not None
+    assert functions is not None
     with redirect_stdout(sys.stderr):
-        phi, paid, names = task.env.sample_rewards(task.reward_code.name, task.reward_code.source)
+        phi, paid, names = functions.sample(code.name, code.source)
     if np.ptp(paid) == 0:
         raise CardError(f"the reward function of '{task.name}' always pays {paid[0]:.4g}")
     w, constant = _least_squares(phi, paid, np.ones(len(names), np.bool_))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Self
 
 from pydantic import BeforeValidator, SerializeAsAny, field_validator, model_validator
 
-from repaint_cli.envs.registry import REGISTRY, simulator_class
+from repaint_cli.envs.registry import simulator_class
 from repaint_cli.envs.simulator import Simulator
 from repaint_cli.settings import EvalConfig, Settings
 
@@ -31,16 +31,7 @@ def _by_its_class(env: Any) -> Any:
         return env
     if not isinstance(env, Mapping):
         raise ValueError("expected a valid dictionary or object to extract fields from")
-    name = env.get("simulator")
-    if name is None:
-        raise ValueError("Unable to extract tag using discriminator 'simulator'")
-    if name not in REGISTRY:
-        known = ", ".join(f"'{known}'" for known in REGISTRY)
-        raise ValueError(
-            f"Input tag '{name}' found using 'simulator' does not match any of the expected tags: "
-            f"{known}"
-        )
-    return simulator_class(name).model_validate(env)
+    return simulator_class(env.get("simulator")).model_validate(env)
 
 
 class Task(Settings):
@@ -62,7 +53,7 @@ class Task(Settings):
 
     @model_validator(mode="after")
     def _code_has_its_simulator(self) -> "Task":
-        if self.reward_code and not self.env.takes_reward_function:
+        if self.reward_code and self.env.reward_functions is None:
             raise ValueError("a reward function needs the racer's params: env.simulator = 'racer'")
         if self.reward_code and list(self.reward) != ["function"]:
             raise ValueError("a reward function stands alone: leave the other terms out")
@@ -122,7 +113,7 @@ class Task(Settings):
         from repaint_cli.envs.reward_terms import RewardTerms
 
         env = self.env.make(n_envs, one_episode, noise)
-        if self.reward_code:
-            code = self.reward_code
-            env = self.env.with_reward_function(env, code.name, code.source)
+        code, functions = self.reward_code, self.env.reward_functions
+        if code and functions:
+            env = functions.apply(env, code.name, code.source)
         return RewardTerms(env, self.reward)

@@ -1,14 +1,13 @@
 """Any environment of Gymnasium, by its id, as a simulator."""
 
-from collections.abc import Callable, Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-import numpy as np
 from pydantic import Field, field_validator
 
-from repaint_cli.envs.episodes import EpisodePaths, Episodes
+from repaint_cli.envs.episodes import Episodes
+from repaint_cli.envs.gymnasium.paths import ReacherPaths
 from repaint_cli.envs.simulator import Simulator
 from repaint_cli.errors import CardError
 from repaint_cli.settings import EvalConfig
@@ -79,46 +78,16 @@ class GymnasiumSimulator(Simulator):
         return None
 
     @property
-    def has_paths(self) -> bool:
-        """Whether it is Reacher, whose fingertip moves along paths."""
-        return self.id == REACHER
-
-    @property
     def place(self) -> str:
         """The environment."""
         return self.id
 
-    def paths(
-        self,
-        valid: np.ndarray,
-        records: Mapping[str, np.ndarray],
-        observations: Callable[[], np.ndarray],
-    ) -> EpisodePaths | None:
-        """Return Reacher's fingertip and its targets; see `Simulator.paths`."""
-        if not self.has_paths:
-            return None
-        obs = observations()  # (S, T+1, E, O)
-        target, gap = obs[..., 4:6], obs[..., 8:10]  # the gap is fingertip − target
-        known = np.concatenate([valid[:1], valid]).transpose(1, 0, 2)[..., None]
-        positions = np.where(known, target + gap, np.nan).transpose(0, 2, 1, 3)
-        return EpisodePaths(positions, target[:, 0])
+    @property
+    def paths(self) -> ReacherPaths | None:
+        """Those of Reacher's fingertip."""
+        return ReacherPaths() if self.id == REACHER else None
 
-    def draw_paths(
-        self, panels: Sequence[tuple[str, Episodes]], path: Path, title: str, colour: str
-    ) -> None:
-        """Draw Reacher's fingertip; see `Simulator.draw_paths`."""
-        from repaint_cli.envs.gymnasium.reacher import plot_reacher
-        from repaint_cli.report.path_panels import PathPanel, label_of
-
-        drawn = []
-        for name, episodes in panels:
-            assert episodes.paths is not None
-            assert episodes.targets is not None
-            label = label_of(name, episodes.returns[0].mean())
-            drawn.append(PathPanel(episodes.paths[0], label, target=episodes.targets[0]))
-        plot_reacher(drawn, path, title)
-
-    def for_film(self) -> "GymnasiumSimulator":
+    def for_replay(self) -> "GymnasiumSimulator":
         """Return Gymnasium's own environment: EnvPool's cannot be drawn."""
         return self.model_copy(update={"backend": "gymnasium"})
 

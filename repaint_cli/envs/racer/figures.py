@@ -17,22 +17,21 @@ from repaint_cli.envs.racer.training_figures import plot_heatmap, plot_progress
 from repaint_cli.report.path_panels import PathPanel, label_of
 from repaint_cli.report.video import write_video
 
-UNITS = {"speed": "speed [m/s]", "reward": "reward per step"}
-"""What may colour a car's path."""
-
 
 def draw_paths(
-    env: RacerSimulator,
+    track: str,
     panels: Sequence[tuple[str, Episodes]],
     path: Path,
     title: str,
-    colour: str,
+    colour: tuple[str, str],
 ) -> None:
-    """Draw the first seed's paths over the track, by speed or reward; see `Simulator`."""
-    colour = colour or "speed"
-    drawn = [_panel(name, episodes, colour) for name, episodes in panels]
-    track = load_track(env.track)
-    plot_racer(drawn, track.inner, track.outer, track.centre, path, title, UNITS[colour])
+    """Draw the first seed's paths over a track; see `PathFormat.draw`.
+
+    `colour` is what colours them, "speed" or "reward", and its unit.
+    """
+    drawn = [_panel(name, episodes, colour[0]) for name, episodes in panels]
+    road = load_track(track)
+    plot_racer(drawn, road.inner, road.outer, road.centre, path, title, colour[1])
 
 
 def _panel(name: str, episodes: Episodes, colour: str) -> PathPanel:

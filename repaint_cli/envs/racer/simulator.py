@@ -1,15 +1,16 @@
 """Our racing simulator with its settings, behind the interface of simulators."""
 
-from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, field_validator
 
-from repaint_cli.envs.episodes import Column, EpisodePaths, Episodes
+from repaint_cli.envs.episodes import Column, Episodes
 from repaint_cli.envs.logs import LogFormat
 from repaint_cli.envs.racer.names import BOT_RECORDS, BOT_TERMS, RECORDS, STATUS, TERMS
+from repaint_cli.envs.racer.paths import RacerPaths
+from repaint_cli.envs.reward_functions import RewardFunctions
 from repaint_cli.envs.simulator import CheckedFile, Simulator
 from repaint_cli.errors import CardError
 from repaint_cli.settings import EvalConfig
@@ -133,19 +134,12 @@ class RacerSimulator(Simulator):
         """Return the track's file, if it is the user's."""
         return (Path(self.track),) if self.track.endswith(".npy") else ()
 
-    takes_reward_function: ClassVar[bool] = True
+    @property
+    def reward_functions(self) -> RewardFunctions:
+        """DeepRacer's reward functions."""
+        from repaint_cli.envs.racer.reward_functions import RacerRewardFunctions
 
-    def with_reward_function(self, env: "Environments", name: str, source: str) -> "Environments":
-        """Return the cars with a user's reward function; see `Simulator.with_reward_function`."""
-        from repaint_cli.envs.racer.deepracer.reward_file import RewardFile
-
-        return RewardFile(env, name, source)
-
-    def sample_rewards(self, name: str, source: str) -> tuple[np.ndarray, np.ndarray, list[str]]:
-        """Return φ and rewards of what 64 wandering cars meet; see `Simulator.sample_rewards`."""
-        from repaint_cli.envs.racer.wander import sample_rewards
-
-        return sample_rewards(self, name, source)
+        return RacerRewardFunctions(self)
 
     @classmethod
     def check_file(cls, name: str) -> CheckedFile | None:
@@ -159,7 +153,6 @@ class RacerSimulator(Simulator):
     # How episodes went
 
     score_episodes: ClassVar[int] = 20
-    statuses: ClassVar[tuple[str, ...]] = STATUS
 
     def columns(self, episodes: Episodes, s: int) -> list[Column]:
         """Return progress, laps, their times and crashes; see `Simulator.columns`."""
@@ -186,38 +179,17 @@ class RacerSimulator(Simulator):
             "status": [[STATUS[int(code)] for code in row] for row in status],
         }
 
-    # Paths, figures, films, logs
-
-    @property
-    def has_paths(self) -> bool:
-        """Whether episodes lead along paths: cars do."""
-        return True
-
-    drawn_records: ClassVar[tuple[str, ...]] = ("speed", "progress", "status")
-    colours: ClassVar[tuple[str, ...]] = ("speed", "reward")
+    # Paths, films, logs
 
     @property
     def place(self) -> str:
         """The track."""
         return self.track
 
-    def paths(
-        self,
-        valid: np.ndarray,
-        records: Mapping[str, np.ndarray],
-        observations: Callable[[], np.ndarray],
-    ) -> EpisodePaths:
-        """Return where the cars' front points were; see `Simulator.paths`."""
-        xy = np.stack([records["x"], records["y"]], -1)  # (T, S, E, 2)
-        return EpisodePaths(np.moveaxis(xy, 0, 2))
-
-    def draw_paths(
-        self, panels: Sequence[tuple[str, Episodes]], path: Path, title: str, colour: str
-    ) -> None:
-        """Draw the track with the cars' paths; see `Simulator.draw_paths`."""
-        from repaint_cli.envs.racer.figures import draw_paths
-
-        draw_paths(self, panels, path, title, colour)
+    @property
+    def paths(self) -> RacerPaths:
+        """The cars' paths."""
+        return RacerPaths(self.track)
 
     filmed_episodes: ClassVar[int] = 1
     films_observations: ClassVar[bool] = True

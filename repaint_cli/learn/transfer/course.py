@@ -225,7 +225,7 @@ class Course(ABC):
 
     def state(self) -> dict[str, Tensor]:
         """Return what a checkpoint needs to go on, as tensors."""
-        return self.last.state()
+        return self.last.state() | {"after_instance": torch.tensor(self.after_instance)}
 
     def load(self, state: Mapping[str, Tensor]) -> None:
         """Go on from a state; tensors of others are left alone.
@@ -234,3 +234,4 @@ class Course(ABC):
             KeyError: a tensor is missing.
         """
         self.last = OwnBatch.of_state(state)
+        self.after_instance = bool(state["after_instance"])

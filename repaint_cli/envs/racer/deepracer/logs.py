@@ -61,10 +61,11 @@ class DeepRacerLogs(LogFormat):
         return Simtrace(folder, self._env, run).evaluate_alone(stamp, traces)
 
     def draw_training(
-        self, run: Path, seeds: Sequence[int], progress: np.ndarray, title: str
+        self, run: Path, seeds: Sequence[int], progress: np.ndarray | None, title: str
     ) -> list[Path]:
         """Draw where the first seed's car drove in training; see `LogFormat.draw_training`."""
         from repaint_cli.envs.racer.figures import draw_training
 
         log = self.folders(run, seeds)[0]
+        assert progress is not None
         return draw_training(self._env, run, log, progress[0], title)

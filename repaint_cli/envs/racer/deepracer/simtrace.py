@@ -58,7 +58,6 @@ class Simtrace:
             StoreError: the folder cannot be written, or holds logs of other settings.
         """
         self.folder = folder
-        self._step = STEP_SECONDS
         self._per_iteration = run.ppo.n_episodes or 0
         self._length = load_track(env.track).length
         self._clock, self._episodes = 0.0, 0
@@ -176,12 +175,12 @@ class Simtrace:
                 trace.action[t], f"{trace.reward[t]:.6g}",
                 t == last and trace.status != "in_progress", bool(trace.all_wheels_on_track[t]),
                 f"{trace.progress[t]:.4f}", trace.closest_waypoint[t], f"{self._length:.4f}",
-                f"{self._clock + t * self._step:.4f}", status, "0.0", trace.crashes[t], now,
+                f"{self._clock + t * STEP_SECONDS:.4f}", status, "0.0", trace.crashes[t], now,
             )  # fmt: skip
 
     def _note(self, episode: int, trace: Trace, phase: str, trial: int | None = None) -> None:
         """Add an episode to the metrics, and its time to the clock."""
-        seconds = len(trace) * self._step
+        seconds = len(trace) * STEP_SECONDS
         self._noted.append({
             "reward_score": round(float(trace.reward.sum()), 4),
             "metric_time": round(1000 * (self._clock + seconds)),

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from repaint_cli.envs.episodes import Steps
+from repaint_cli.envs.racer.dynamics.car import commands_of
 from repaint_cli.envs.racer.names import STATUS
 
 
@@ -66,8 +67,6 @@ def _trace(
     steps: Steps, actions: Sequence[tuple[float, float]], episode: tuple[np.ndarray, int, int]
 ) -> Trace:
     """Cut an episode out of arrays (T, S, N)."""
-    from repaint_cli.envs.racer.dynamics.car import commands_of
-
     at = {name: rows[episode] for name, rows in steps.records.items()}
     action = steps.actions[episode]
     steer, throttle = commands_of(actions)[action].T
