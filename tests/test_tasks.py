@@ -65,15 +65,18 @@ def test_a_card_extends_only_shipped_ones(card, base):
         (CARD.replace("[reward]", 'track = "oval"\n[reward]'), r"unknown key 'env\.track'"),
         (
             CARD.replace("gymnasium", "mujoco"),
-            r"env: expected simulator = 'gymnasium' or 'racer', ",
+            "env: expected simulator to be one of",
         ),
         (
             CARD.replace('"gymnasium"', '["gymnasium"]'),
-            r"env: expected simulator = 'gymnasium' or ",
+            "env: expected simulator to be one of",
         ),
-        (CARD.replace('"gymnasium"', "{}"), r"env: expected simulator = 'gymnasium' or 'racer', "),
-        ('extends = "reacher"\n[env]\nsimulator = ["racer"]', "env: expected simulator = "),
-        (CARD.replace('simulator = "gymnasium"', ""), "env: expected simulator = 'gymnasium' or "),
+        (CARD.replace('"gymnasium"', "{}"), "env: expected simulator to be one of"),
+        (
+            'extends = "reacher"\n[env]\nsimulator = ["racer"]',
+            "env: expected simulator to be one of",
+        ),
+        (CARD.replace('simulator = "gymnasium"', ""), "env: expected simulator to be one of"),
         (CARD.replace("1.0", "nan"), r"reward\.reward_dist: .* finite number, found nan"),
         (CARD.replace("1.0", "0"), "reward: at least one weight must differ from 0"),
         (CARD.replace("reward_dist = 1.0", ""), "reward: at least one weight must differ from 0"),

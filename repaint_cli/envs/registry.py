@@ -19,7 +19,7 @@ def simulator_class(name: object) -> type[Simulator]:
         ValueError: no simulator has this name.
     """
     if not isinstance(name, str) or name not in REGISTRY:
-        raise ValueError(f"expected simulator = {' or '.join(map(repr, REGISTRY))}")
+        raise ValueError(f"expected simulator to be one of {', '.join(map(repr, REGISTRY))}")
     module, _, kind = REGISTRY[name].partition(":")
     simulator: type[Simulator] = getattr(import_module(module), kind)
     return simulator
