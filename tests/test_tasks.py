@@ -63,10 +63,7 @@ def test_a_card_extends_only_shipped_ones(card, base):
         (CARD + "[ppo]\ngama = 0.9", r"mine\.toml: unknown key 'ppo\.gama'"),
         (CARD.replace("id =", "identity ="), r"env\.id: Field required"),
         (CARD.replace("[reward]", 'track = "oval"\n[reward]'), r"unknown key 'env\.track'"),
-        (
-            CARD.replace("gymnasium", "mujoco"),
-            "env: expected simulator to be one of",
-        ),
+        (CARD.replace("gymnasium", "mujoco"), r"env: .*'gymnasium', 'racer'.*"),
         (
             CARD.replace('"gymnasium"', '["gymnasium"]'),
             "env: expected simulator to be one of",
