@@ -27,7 +27,7 @@ def draw_paths(
 ) -> None:
     """Draw the first seed's paths over a track; see `PathFormat.draw`.
 
-    `colour` is what colours them, "speed" or "reward", and its unit.
+    `colour` is what colours them, "reward" or the name of a record, and its unit.
     """
     drawn = [_panel(name, episodes, colour[0]) for name, episodes in panels]
     road = load_track(track)
@@ -43,7 +43,7 @@ def _panel(name: str, episodes: Episodes, colour: str) -> PathPanel:
     return PathPanel(
         episodes.paths[0],
         f"{label} · progress {progress[0].mean():.0f} %",
-        values=(episodes.rewards if colour == "reward" else episodes.records["speed"])[:, 0].T,
+        values=(episodes.rewards if colour == "reward" else episodes.records[colour])[:, 0].T,
         ended_off=status[0] == STATUS.index("off_track"),
         crashed=status[0] == STATUS.index("crashed"),
     )
