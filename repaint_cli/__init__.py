@@ -11,7 +11,7 @@ wrong is a `repaint_cli.errors.RepaintError`; its text says what was expected an
 Importing this is quick: torch comes with the first call that needs it.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
@@ -19,8 +19,8 @@ from repaint_cli.errors import UsageError
 
 if TYPE_CHECKING:
     from repaint_cli.runs.carry_out import TrainedRun, Watcher
-    from repaint_cli.runs.compare import ComparedRuns, EvaluatedRun
-    from repaint_cli.runs.evaluate import Evaluation
+    from repaint_cli.runs.compare import ComparedRuns, EvaluatedRun, OnComparison, OnEvaluatedRun
+    from repaint_cli.runs.evaluate import Evaluation, OnEpisodes
     from repaint_cli.tasks.card import TaskCard
     from repaint_cli.tasks.similarity import OnFit, Similarities
     from repaint_cli.zoo.acting import LoadedTeacher
@@ -113,8 +113,9 @@ def transfer(
     from repaint_cli.runs.start import plan_transfer
     from repaint_cli.tasks.presets import automatic_settings
 
-    measured = automatic_settings(algorithm, method) if auto else ()
-    card = _card(task, [*measured, *_listed(settings, "settings")], iterations)
+    if auto:
+        settings = automatic_settings(_listed(settings, "settings"), algorithm, method)
+    card = _card(task, settings, iterations)
     named, acting = (_listed(names, "teachers") for names in (teachers, instances_from))
     plan = plan_transfer(card, named, seeds, method, algorithm, acting, folder, keep)
     return carry_out(plan, watcher, tensorboard=tensorboard)
@@ -138,7 +139,7 @@ def resume(
     from repaint_cli.runs.start import plan_resume
 
     plan = plan_resume(Path(folder), iterations, name, replace, for_teacher=for_teacher)
-    return carry_out(plan, watcher, resume=True, tensorboard=tensorboard)
+    return carry_out(plan, watcher, tensorboard=tensorboard)
 
 
 def evaluate(
@@ -149,27 +150,26 @@ def evaluate(
     noise: str | None = None,
     settings: Sequence[str] = (),
     seed: int | None = None,
-    for_film: bool = False,
+    keep_observations: bool = False,
     log_folder: Name | None = None,
     colour: str = "",
+    on_episodes: "OnEpisodes | None" = None,
 ) -> "Evaluation":
     """Let a policy play with its most likely actions; write eval.json and a figure of its paths.
 
     `policy` is a run's folder, a teacher's name or its file, the newest run where absent; the task,
-    the episodes' number and seed are its own where absent. With `for_film` the evaluation keeps
-    what `evaluation.film()` shows. Some simulators have noise ("none" or "paper"), log episodes
-    into `log_folder`, or colour paths in several ways.
+    the episodes' number and seed are its own where absent. `keep_observations` is for the film of a
+    race. Some simulators have noise ("none" or "paper"), log episodes into `log_folder`, or colour
+    paths in several ways. `on_episodes` is called with policies and episodes before all is written.
     """
     from repaint_cli.runs.evaluate import check_simulator, evaluate_policy
     from repaint_cli.runs.find_policies import find_policies, with_settings
 
-    card = None if task is None else load_task(task)
-    options = _given({"eval.episodes": episodes, "eval.noise": noise})
-    others = _listed(settings, "settings")
-    policies = with_settings(find_policies(policy, card), options, others)
+    policies = find_policies(policy, None if task is None else load_task(task))
+    policies = with_settings(policies, episodes, noise, _listed(settings, "settings"))
     logs = Path(log_folder) if log_folder else None
     check_simulator(policies.card, noise, logs, colour)
-    return evaluate_policy(policies, seed, for_film=for_film, log_folder=logs, colour=colour)
+    return evaluate_policy(policies, seed, keep_observations, logs, colour, on_episodes)
 
 
 def similarity(*names: AnyTask, on_fit: "OnFit | None" = None) -> "Similarities":
@@ -196,50 +196,53 @@ def train_methods(
     `methods` are names in `tasks.methods.METHODS`, and `teachers` for those that use any; `jobs`
     is how many runs train at a time, each in a process of its own.
     """
-    from repaint_cli.runs.train_methods import plan_methods, train_plans
+    from repaint_cli.runs import train_methods as runs
 
     names, sources = _listed(methods, "methods"), _listed(teachers, "teachers")
-    return train_plans(plan_methods(load_task(task), names, sources, seeds), jobs)
+    return runs.train_methods(load_task(task), names, sources, seeds, jobs)
 
 
 def compare(
     folders: Sequence[Name],
     *,
-    reference: Name = "scratch",
+    reference: Name | None = None,
     target: float | None = None,
     picture: Name | None = None,
     report: Name | None = None,
+    on_comparison: "OnComparison | None" = None,
 ) -> "ComparedRuns":
     """Compare runs of one task by returns, and by what they took to reach a target.
 
-    `reference` is the run or method that others are compared with, `target` the score to reach, its
-    best mean where absent. The curves are drawn in `picture`, compare.png where absent; or, with
-    tables and a page that explains them, in the folder `report`.
+    `reference` is the run or method that others are compared with, scratch where absent, `target`
+    the score to reach, its best mean where absent. The curves are drawn in `picture`, compare.png
+    where absent; or, with tables and a page that explains them, in the folder `report`. Before that
+    `on_comparison` is called with the numbers.
     """
     from repaint_cli.runs.compare import compare_runs
 
     runs = [Path(folder) for folder in _listed(folders, "folders")]
-    files = [Path(name) if name else None for name in (picture, report)]
-    return compare_runs(runs, str(reference), target, *files)
+    file, place = (Path(name) if name else None for name in (picture, report))
+    return compare_runs(runs, reference, target, file, place, on_comparison)
 
 
 def play_runs(
-    folders: Sequence[Name], picture: Name = "compare-trajectories.png"
+    folders: Sequence[Name],
+    picture: Name = "compare-trajectories.png",
+    on_run: "OnEvaluatedRun | None" = None,
 ) -> "list[EvaluatedRun]":
-    """Let the last policies of runs on one track play, and draw their first seeds' paths."""
+    """Let the last policies of runs on one track play, and draw their first seeds' paths.
+
+    `on_run` is called with each run as it was evaluated.
+    """
     from repaint_cli.runs.compare import compare_paths
 
     runs = [Path(folder) for folder in _listed(folders, "folders")]
-    return compare_paths(runs, Path(picture))
+    return compare_paths(runs, Path(picture), on_run)
 
 
 def _card(task: AnyTask, settings: Sequence[str], iterations: int | None) -> "TaskCard":
-    options = _given({"ppo.n_iterations": iterations})
+    options = [] if iterations is None else [f"ppo.n_iterations={iterations}"]
     return load_task(task).with_settings([*options, *_listed(settings, "settings")])
-
-
-def _given(settings: Mapping[str, object]) -> list[str]:
-    return [f"{key}={value}" for key, value in settings.items() if value is not None]
 
 
 def _listed(names: Sequence[Name], what: str) -> list[str]:

@@ -16,7 +16,7 @@ from repaint_cli.cli import screen
 from repaint_cli.cli.app import app
 from repaint_cli.cli.compare_options import CompareOptions
 from repaint_cli.cli.evaluate import EvaluateOptions
-from repaint_cli.cli.option_values import parse_ratio
+from repaint_cli.cli.option_values import parse_ratio, seed_list
 from repaint_cli.cli.train_teacher import TrainTeacherOptions
 from repaint_cli.cli.transfer_options import TransferOptions
 from repaint_cli.envs.gymnasium.simulator import GymnasiumSimulator
@@ -24,7 +24,6 @@ from repaint_cli.errors import RenderError
 from repaint_cli.policies.spaces import Spaces
 from repaint_cli.runs.experiment import Experiment
 from repaint_cli.runs.plan import Plan
-from repaint_cli.runs.start import seed_list
 from repaint_cli.tasks.card_files import read_task
 
 SCRATCH = ["transfer", "--task", "reacher", "--method", "scratch", *QUICK]
@@ -298,7 +297,6 @@ def test_set_stands_behind_every_option_that_sets_something(table):
 
 
 def test_ratio_and_seeds_are_read():
-    assert parse_ratio(None) == (None, None)
     assert parse_ratio("2:1") == (2, 1)
     assert parse_ratio("1:0") == (1, 0)
     assert seed_list(3, 2) == [3, 4]

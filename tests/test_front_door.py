@@ -102,7 +102,6 @@ def test_train_returns_the_run_and_puts_the_teacher_into_the_zoo(home):
     assert trained.run.seeds == [0, 1]
     assert trained.run.folder == Path("run")
     assert trained.teacher == home / "home" / "zoo" / "mine.safetensors"
-    assert not trained.interrupted
     assert all(path.exists() for path in trained.written)
     assert {path.name for path in trained.written} == {
         "run.json", "metrics.csv", "checkpoint.safetensors", "best.safetensors",
@@ -171,7 +170,7 @@ class Notes(Watcher):
     def end(self, experiment, cause):
         self.events.append(cause)
 
-    def finish(self, trained):
+    def finish(self, trained, interrupted):
         self.events.append(trained)
 
 
@@ -218,14 +217,14 @@ def test_evaluate_takes_a_task_settings_and_a_seed(home, old_hand):
 def test_a_race_is_filmed_and_logged(home):
     trained = repaint_cli.train("racer-inner", name="mine", folder="run", **SHORT_LAP)
     evaluation = repaint_cli.evaluate(
-        "run", for_film=True, log_folder="logs", noise="none", colour="reward"
+        "run", keep_observations=True, log_folder="logs", noise="none", colour="reward"
     )
     film = evaluation.film()
     assert film == trained.run.folder / "video.mp4"
     assert film.stat().st_size > 500
     assert {path.parts[0] for path in evaluation.written} == {"run", "logs"}
     assert all(path.is_file() for path in evaluation.written)
-    with pytest.raises(CardError, match="for_film=True"):
+    with pytest.raises(CardError, match="keep_observations=True"):
         repaint_cli.evaluate("run").film()
 
 
@@ -288,7 +287,7 @@ def test_a_teacher_acts_on_images_as_in_an_evaluation(home, sensors):
     small = ["net.conv=[[4,8,8]]", "net.dense=8", "env.max_steps=8"]
     path = add_teacher(home, task=task, spaces=spaces, settings=small, n_beams=beams)
     teacher = repaint_cli.load_teacher(path)
-    episodes = repaint_cli.evaluate(path, episodes=2, for_film=True).episodes
+    episodes = repaint_cli.evaluate(path, episodes=2, keep_observations=True).episodes
     for e in range(2):
         n = episodes.lengths[0, e] - 1
         after = episodes.observations[0][e]  # each step
@@ -368,7 +367,7 @@ TYPED = [
      {"name": "mine", "for_teacher": True}),
     ("load_task", ["transfer", "--task", "reacher", "--method", "scratch"], {}),
     ("evaluate", ["eval", "reacher", "--episodes", 3, "--set", "env.backend=gymnasium"],
-     {"episodes": 3, "settings": ["env.backend=gymnasium"], "for_film": False}),
+     {"episodes": 3, "settings": ["env.backend=gymnasium"], "keep_observations": False}),
     ("similarity", ["similarity", "reacher", "reacher-away"], {}),
     ("train_methods", ["compare", "--task", "reacher", "--methods", "scratch", "--jobs", 2], {}),
     ("compare", ["compare", "one", "two", "--target", "5", "--report", "report"],

@@ -14,7 +14,7 @@ from repaint_cli.envs.racer.deepracer.traces import Trace
 from repaint_cli.envs.racer.names import STATUS
 from repaint_cli.runs import figures
 from repaint_cli.runs.folder import RunFolder
-from repaint_cli.runs.reader import FinishedRun
+from repaint_cli.runs.reader import RecordedRun
 from repaint_cli.runs.record import RunRecord
 from repaint_cli.tasks.card_files import read_task
 
@@ -68,7 +68,7 @@ def test_a_trainings_pictures_are_drawn_from_its_logs(plotted, tmp_path):
     log.train(3, ways[1:])
     record = RunRecord(seeds=[5, 6], method="scratch", teachers=[], task={})
     rows = {"eval_return": np.zeros((2, 3)), "eval_progress": np.array([[7.0, 8, 9], [0, 0, 0]])}
-    drawn = figures.draw_training(FinishedRun(RunFolder(tmp_path), record, TASK, rows))
+    drawn = figures.draw_training(RecordedRun(RunFolder(tmp_path), record, TASK, rows))
     assert [path.name for path in drawn] == ["heatmap.png", "progress.png"]
     drives, evaluated, *_ = plotted["plot_progress"]
     assert [(k, trace.progress[-1]) for k, trace in drives] == [(1, 30), (3, 50)]

@@ -13,7 +13,7 @@ from repaint_cli.errors import CardError, CheckpointError, StoreError, UsageErro
 from repaint_cli.files.lock import folder_lock
 from repaint_cli.paths import shipped
 from repaint_cli.policies.weights import load, save
-from repaint_cli.runs import experiment, resume
+from repaint_cli.runs import checkpoint, experiment
 from repaint_cli.zoo.teacher_card import read_card, read_summary
 
 
@@ -32,7 +32,7 @@ def test_a_fallback_keeps_the_checkpoint_that_it_stands_on(repaint, home, monkey
     repaint(*SCRATCH, "--iterations", 4, "--run", "calm")
     spoil(home / "run" / "checkpoint.safetensors")
     with monkeypatch.context() as patch:  # dies as it writes the next
-        patch.setattr(resume, "save_learner", stop)
+        patch.setattr(checkpoint, "save_learner", stop)
         assert repaint("transfer", "--resume", "run", "--iterations", 4).code == 130
     assert load(home / "run" / "checkpoint.safetensors")[1]["iteration"] == 2
     said = repaint("transfer", "--resume", "run", "--iterations", 4)

@@ -9,10 +9,10 @@ from test_runs import SCRATCH
 from repaint_cli.envs.racer.deepracer.training_metrics import TAIL
 from repaint_cli.errors import CheckpointError
 from repaint_cli.runs import record
+from repaint_cli.runs.alarms import alarms_until
 from repaint_cli.runs.folder import RunFolder
-from repaint_cli.runs.plan import plan_of
 from repaint_cli.runs.reader import read_run
-from repaint_cli.runs.record import Alarm, RunRecord, TeacherRecord, alarms_until
+from repaint_cli.runs.record import Alarm, RunRecord, TeacherRecord
 from repaint_cli.tasks.card_files import read_task
 
 CARD = read_task("reacher").model_dump(mode="json")
@@ -81,7 +81,7 @@ def test_what_earlier_versions_wrote_is_read_and_not_resumed(tmp_path, earlier, 
     assert (run.label, run.seeds) == (label, earlier["seeds"])
     message = f"of an earlier version or damaged, and cannot be resumed: {absent}: Field required"
     with pytest.raises(CheckpointError, match=message):
-        plan_of(run.record, run.task, tmp_path)
+        read_run(tmp_path, to_resume=True)
 
 
 def test_alarms_are_beside_the_record_until_it_takes_them_in(tmp_path):

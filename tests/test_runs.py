@@ -23,7 +23,7 @@ from repaint_cli.learn.update.adam import RowAdam
 from repaint_cli.learn.update.compiled import update as compiled
 from repaint_cli.policies.networks import ActorCritic
 from repaint_cli.policies.weights import load
-from repaint_cli.runs import experiment, resume
+from repaint_cli.runs import checkpoint, experiment
 from repaint_cli.runs.checkpoint import load_networks
 from repaint_cli.runs.metrics import COLUMNS
 from repaint_cli.runs.plan import Plan
@@ -343,7 +343,7 @@ def test_weights_that_diverge_stop_the_run_and_keep_the_last_good_checkpoint(
 
 
 def test_a_checkpoint_that_cannot_be_written_leaves_the_last_one(repaint, home, monkeypatch):
-    real, before = resume.save_learner, {}
+    real, before = checkpoint.save_learner, {}
 
     def fails_the_second_time(path, *rest):
         if path.exists():
@@ -354,7 +354,7 @@ def test_a_checkpoint_that_cannot_be_written_leaves_the_last_one(repaint, home, 
     def no_space(_):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(resume, "save_learner", fails_the_second_time)
+    monkeypatch.setattr(checkpoint, "save_learner", fails_the_second_time)
     said = repaint(*SCRATCH)
     assert said.code == 7
     assert said.err.startswith("error: cannot write run/")

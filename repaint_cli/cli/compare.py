@@ -2,10 +2,15 @@
 
 import json
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from repaint_cli.cli.compare_options import DEFAULT_METHODS, CompareOptions
 from repaint_cli.cli.option_rules import check_together, parsed_into, settings_of
-from repaint_cli.cli.option_values import parse_methods, parse_target
+from repaint_cli.cli.option_values import parse_methods, parse_target, seed_list
+
+if TYPE_CHECKING:
+    from repaint_cli.runs.compare import EvaluatedRun
+    from repaint_cli.runs.comparison import Comparison
 
 
 @parsed_into(CompareOptions)
@@ -21,6 +26,13 @@ def compare(options: CompareOptions) -> None:
     import repaint_cli
     from repaint_cli.cli.comparison_table import print_comparison
     from repaint_cli.cli.screen import print_written
+    from repaint_cli.runs.comparison import REFERENCE
+
+    def show(comparison: "Comparison") -> None:
+        if options.json:
+            print(json.dumps(comparison.as_json(), indent=2))
+        else:
+            print_comparison(comparison)
 
     target = parse_target(options.target)
     check_together(options)
@@ -31,15 +43,15 @@ def compare(options: CompareOptions) -> None:
         return _play(folders, options.output or Path("compare-trajectories.png"), options.json)
     compared = repaint_cli.compare(
         folders,
-        reference=options.reference or "scratch",
+        reference=options.reference or REFERENCE,
         target=target,
         picture=options.output,
         report=options.report,
+        on_comparison=show,
     )
-    if options.json:
-        return print(json.dumps(compared.comparison.as_json(), indent=2))
-    print_comparison(compared.comparison)
-    return print_written(compared.written, "repaint transfer --help")
+    if not options.json:
+        print_written(compared.written, "repaint transfer --help")
+    return None
 
 
 def _train(options: CompareOptions, folders: list[Path]) -> list[Path]:
@@ -48,7 +60,6 @@ def _train(options: CompareOptions, folders: list[Path]) -> list[Path]:
 
     import repaint_cli
     from repaint_cli.runs.compare import check_reference
-    from repaint_cli.runs.start import seed_list
 
     methods = DEFAULT_METHODS if options.methods is None else options.methods
     check_reference(options.reference, folders, methods.split(","))
@@ -69,9 +80,12 @@ def _play(folders: list[Path], picture: Path, as_json: bool) -> None:
     from repaint_cli.cli.episode_table import table
     from repaint_cli.cli.screen import out, print_written
 
-    evaluated = repaint_cli.play_runs(folders, picture)
+    def show(one: "EvaluatedRun") -> None:
+        if not as_json:
+            out.print(table(one.label, one.run.seeds, one.run.task.env, one.episodes))
+
+    evaluated = repaint_cli.play_runs(folders, picture, on_run=show)
     if as_json:
-        return print(json.dumps([one.as_json() for one in evaluated], indent=2))
-    for one in evaluated:
-        out.print(table(one.label, one.run.seeds, one.run.task.env, one.episodes))
-    return print_written([picture], "repaint compare --help")
+        print(json.dumps([one.as_json() for one in evaluated], indent=2))
+    else:
+        print_written([picture], "repaint compare --help")

@@ -4,12 +4,13 @@ import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
 
-from repaint_cli.cli.option_rules import Rule, parsed_into
+from repaint_cli.cli.option_rules import parsed_into, settings_of
+from repaint_cli.cli.option_values import seed_list
 from repaint_cli.cli.options import HOW, WRITE, Set, argument, option
-from repaint_cli.errors import UsageError
 
 if TYPE_CHECKING:
-    from repaint_cli.runs.evaluate import Evaluation
+    from repaint_cli.envs.episodes import Episodes
+    from repaint_cli.runs.find_policies import Policies
 
 PLAYED = "What to play"
 
@@ -30,7 +31,6 @@ class EvaluateOptions(NamedTuple):
     episodes: Annotated[
         int | None,
         option(HOW, "INT", "How many episodes to play. Default: the card's."),
-        Rule("eval.episodes"),
     ] = None
     seed: Annotated[
         int | None, option(HOW, "INT", "The seed of the episodes. Default: the policy's own.")
@@ -42,7 +42,6 @@ class EvaluateOptions(NamedTuple):
             "NAME",
             "Noise on what the car sees and does: none or paper. Only for racing tasks.",
         ),
-        Rule("eval.noise"),
     ] = None
     set: Set = None
     render_offscreen: Annotated[
@@ -84,23 +83,25 @@ def evaluate(options: EvaluateOptions) -> None:
     from repaint_cli.cli.episode_table import table
     from repaint_cli.cli.screen import out, print_written
     from repaint_cli.errors import RenderError
+    from repaint_cli.runs.evaluate import check_filmed
 
-    if options.video_episodes is not None and options.video_episodes < 1:
-        raise UsageError(f"expected --video-episodes of at least 1, found {options.video_episodes}")
+    def show(policies: "Policies", episodes: "Episodes") -> None:
+        out.print(table(policies.name, policies.seeds, policies.card.env, episodes))
+
+    check_filmed(options.video_episodes)
     evaluation = repaint_cli.evaluate(
         options.policy,
         task=options.task,
         episodes=options.episodes,
         noise=options.noise,
-        settings=options.set or (),
-        seed=options.seed,
-        for_film=options.render_offscreen,
+        settings=settings_of(options),
+        seed=None if options.seed is None else seed_list(options.seed, 1)[0],
+        keep_observations=options.render_offscreen,
         log_folder=options.simtrace,
         colour=options.colour or "",
+        on_episodes=show,
     )
-    policies, written = evaluation.policies, list(evaluation.written)
-    out.print(table(policies.name, policies.seeds, policies.card.env, evaluation.episodes))
-    command = _next_command(options, evaluation)
+    written, command = list(evaluation.written), _next_command(options, evaluation.policies)
     if options.render_offscreen:
         try:
             written.append(evaluation.film(options.video_episodes))
@@ -110,9 +111,8 @@ def evaluate(options: EvaluateOptions) -> None:
     print_written(written, command)
 
 
-def _next_command(options: EvaluateOptions, evaluation: "Evaluation") -> str:
+def _next_command(options: EvaluateOptions, policies: "Policies") -> str:
     """Return the next command worth typing."""
-    policies = evaluation.policies
     if policies.teacher is None:
         return f"repaint compare {shlex.quote(str(policies.run_folder.parent))}/*"
     name = options.task if policies.teacher.task.reward_code else options.policy

@@ -15,14 +15,25 @@ def task_named(name: str | None) -> str:
     return name
 
 
-def parse_ratio(text: str | None) -> tuple[int | None, int | None]:
+def seed_list(first: int, how_many: int) -> list[int]:
+    """Return the run seeds that --seed and --seeds ask for.
+
+    Raises:
+        UsageError: the number of seeds is below 1, or the first seed is negative.
+    """
+    if how_many < 1 or first < 0:
+        raise UsageError(
+            f"expected --seeds of at least 1 and --seed of at least 0, found {how_many} and {first}"
+        )
+    return list(range(first, first + how_many))
+
+
+def parse_ratio(text: str) -> tuple[int, int]:
     """Read R:I.
 
     Raises:
         UsageError: the text is not R:I, or R is 0: nothing would train the critic.
     """
-    if text is None:
-        return None, None
     parts = text.split(":")
     if len(parts) != 2 or not all(part.isdecimal() for part in parts) or int(parts[0]) < 1:
         raise UsageError(
@@ -67,12 +78,16 @@ def parse_methods(text: str, jobs: int) -> list[str]:
     Raises:
         UsageError: there is no name, a name stands there twice, or the jobs are fewer than 1.
     """
+    from repaint_cli.runs.train_methods import check_methods
+
     names = [name for name in text.split(",") if name]
-    if not names or len(set(names)) < len(names) or jobs < 1:
+    try:
+        check_methods(names, jobs)
+    except UsageError as error:
         raise UsageError(
             "expected --methods such as scratch,kickstart,repaint, each once, and --jobs of at "
             f"least 1, found '{text}' and {jobs}"
-        )
+        ) from error
     return names
 
 

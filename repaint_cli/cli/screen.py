@@ -77,10 +77,13 @@ class Screen(Watcher):
         )
         self._training = not goes_on
 
-    def finish(self, trained: TrainedRun) -> None:
+    def finish(self, trained: TrainedRun, interrupted: bool) -> None:
         """Print what was written, and the next command."""
         self._unfinished = None
-        print_written(trained.written, next_command(trained))
+        plan = trained.plan
+        print_written(
+            trained.written, plan.resume_command if interrupted else next_command(trained)
+        )
 
     def run(self, train: Callable[..., TrainedRun], *args: object, **options: object) -> None:
         """Train; print the command that goes on with the run if it ends early."""
@@ -94,9 +97,7 @@ class Screen(Watcher):
 
 
 def next_command(trained: TrainedRun) -> str:
-    """Return the next command worth typing after a run."""
-    if trained.interrupted:
-        return trained.plan.resume_command
+    """Return the next command worth typing after a run that was trained to its end."""
     policy = shlex.quote(str(trained.run.folder))
     if trained.teacher and not trained.plan.task.reward_code:  # never run from a teacher's file
         policy = str(trained.plan.teacher_name)

@@ -5,7 +5,7 @@ from typing import Annotated, NamedTuple
 import typer
 
 from repaint_cli.cli.option_rules import Rule, check_resume, parsed_into, settings_of
-from repaint_cli.cli.option_values import task_named
+from repaint_cli.cli.option_values import seed_list, task_named
 from repaint_cli.cli.options import (
     WHERE,
     EvalEpisodes,
@@ -59,7 +59,6 @@ def train_teacher(options: TrainTeacherOptions) -> None:
     """
     import repaint_cli
     from repaint_cli.cli.screen import Screen
-    from repaint_cli.runs.start import seed_list
 
     if options.resume:
         check_resume(options, options.context)

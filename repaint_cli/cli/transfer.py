@@ -10,7 +10,7 @@ from repaint_cli.cli.option_rules import (
     parsed_into,
     settings_of,
 )
-from repaint_cli.cli.option_values import task_named
+from repaint_cli.cli.option_values import seed_list, task_named
 from repaint_cli.cli.transfer_options import TransferOptions
 
 
@@ -26,18 +26,20 @@ def transfer(options: TransferOptions) -> None:
     """
     import repaint_cli
     from repaint_cli.cli.screen import Screen
-    from repaint_cli.runs.start import seed_list
     from repaint_cli.tasks.methods import method_for
+    from repaint_cli.tasks.presets import automatic_settings
 
     if options.resume:
         return _resume(options, options.resume)
     algorithm = options.algorithm
     method = method_for(algorithm, options.method)
     check_method(options, method, algorithm)
-    options = options.with_auto()
     card = repaint_cli.load_task(task_named(options.task))
     check_together(options)
-    card = card.with_settings(settings_of(options, algorithm))
+    settings = settings_of(options, algorithm)
+    if options.auto:
+        settings = automatic_settings(settings, algorithm, method)
+    card = card.with_settings(settings)
     check_card(options, card, algorithm)
     return Screen().run(
         repaint_cli.transfer,

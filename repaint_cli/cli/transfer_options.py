@@ -29,12 +29,11 @@ from repaint_cli.cli.options import (
     option,
 )
 from repaint_cli.tasks.methods import METHODS
-from repaint_cli.tasks.presets import UNTIL_MEASURED
 
 METHOD_HELP = "; ".join(f"{name}: {method.summary}" for name, method in METHODS.items())
 
 ONE_SELECTION = Condition(
-    lambda options: options.threshold != "auto" or options.select in (None, "auto"),
+    lambda options: options.select == "auto" or not options.selects_by_itself,
     "--threshold auto selects by itself; leave out --select {other.select}",
 )
 BY_THRESHOLD = Condition(
@@ -102,7 +101,7 @@ class TransferOptions(NamedTuple):
         option(
             HOW, "RULE", "Which teacher samples to keep: zeta, abs, top, per, rbt, all or auto."
         ),
-        Rule("select.rule", methods=INSTANCE, algorithms=("ppo",)),
+        Rule("select.rule", methods=INSTANCE, algorithms=("ppo",), beside=ONE_SELECTION),
     ] = None
     threshold: Annotated[
         str | None,
@@ -111,7 +110,6 @@ class TransferOptions(NamedTuple):
             threshold_settings,
             q_learning="q_learning.threshold",
             methods=INSTANCE,
-            beside=ONE_SELECTION,
             card=BY_THRESHOLD,
         ),
     ] = None
@@ -135,14 +133,7 @@ class TransferOptions(NamedTuple):
     keep: Keep = 1
     tensorboard: TensorBoard = False
 
-    def with_auto(self) -> "TransferOptions":
-        """Return the options with "auto" for whatever --auto decides and no option gives."""
-        if not self.auto:
-            return self
-        last = self.transfer_iterations
-        return self._replace(
-            ratio=self.ratio or "auto",
-            beta=self.beta or "auto",
-            threshold=self.threshold or "auto",
-            transfer_iterations=UNTIL_MEASURED if last is None else last,
-        )
+    @property
+    def selects_by_itself(self) -> bool:
+        """Whether ζ is measured, and with it which samples are kept."""
+        return self.threshold == "auto" or (self.auto and self.threshold is None)

@@ -9,11 +9,35 @@ from repaint_cli.cli.options import Replace, argument, option
 from repaint_cli.errors import NotFound, UsageError
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from repaint_cli.policies.networks import ActorCritic
+    from repaint_cli.tasks.card import TaskCard
+    from repaint_cli.zoo.importers.imported import Imported
     from repaint_cli.zoo.teacher_card import TeacherCard
 
 IMPORT = "A policy of another library"
-SOURCES = ("sb3", "cleanrl")
+
+
+def _read_sb3(file: Path, _: "TaskCard") -> "tuple[Imported, bool]":
+    from repaint_cli.zoo.importers import sb3
+
+    return sb3.read(file)
+
+
+def _read_cleanrl(file: Path, card: "TaskCard") -> "tuple[Imported, bool]":
+    from repaint_cli.learn.evaluation import spaces_of
+    from repaint_cli.zoo.importers import cleanrl
+
+    return cleanrl.read(file, spaces_of(card))
+
+
+SOURCES: "dict[str, Callable[[Path, TaskCard], tuple[Imported, bool]]]" = {
+    "sb3": _read_sb3,
+    "cleanrl": _read_cleanrl,
+}
+"""Other libraries, and what reads a policy of theirs: from its file and the card of its task, into
+the policy, and whether it was trained on normalised observations."""
 
 
 class AddOptions(NamedTuple):
@@ -25,7 +49,7 @@ class AddOptions(NamedTuple):
         str | None,
         option(
             IMPORT,
-            "sb3|cleanrl",
+            "|".join(SOURCES),
             "The library: a zip of Stable-Baselines3, or a state dict of a cleanrl agent.",
             "--from",
         ),
@@ -92,9 +116,7 @@ def _import_policy(options: AddOptions) -> "tuple[ActorCritic, TeacherCard]":
         NotFound: there is no such library or task.
         UsageError: --task is absent.
     """
-    from repaint_cli.learn.evaluation import spaces_of
     from repaint_cli.tasks.card_files import read_task
-    from repaint_cli.zoo.importers import cleanrl, sb3
     from repaint_cli.zoo.importers.imported import as_teacher
     from repaint_cli.zoo.importers.statistics import statistics_of
 
@@ -104,9 +126,6 @@ def _import_policy(options: AddOptions) -> "tuple[ActorCritic, TeacherCard]":
     if options.task is None:
         raise UsageError(f"expected the --task that {file} was trained on, found none")
     card = read_task(options.task)
-    if source == "sb3":
-        policy, normalised = sb3.read(file)
-    else:
-        policy, normalised = cleanrl.read(file, spaces_of(card))
+    policy, normalised = SOURCES[source](file, card)
     statistics = statistics_of(file, options.vecnormalize, normalised)
     return as_teacher(policy, statistics, options.name, card)

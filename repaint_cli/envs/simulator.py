@@ -124,9 +124,9 @@ class Simulator(Settings, ABC):
         """
         return env
 
-    def files(self) -> tuple[Path, ...]:
-        """Return the user's files that the environment reads: a run goes on only with the same."""
-        return ()
+    def files(self) -> dict[str, Path]:
+        """Return the user's files that it reads, by setting: a run goes on only with the same."""
+        return {}
 
     def code_at_risk(self) -> str | None:
         """Return what user code would run or user file be read, for people, or None."""

@@ -5,12 +5,15 @@ from math import exp
 from pathlib import Path
 
 import numpy as np
+from pydantic import ValidationError
 
-from repaint_cli.errors import RepaintError
-from repaint_cli.runs.folder import runs_in
+from repaint_cli.errors import CheckpointError, RepaintError, reported_as
+from repaint_cli.files.limits import read_bytes
+from repaint_cli.runs.folder import RunFolder, runs_in
 from repaint_cli.runs.metrics import Report
-from repaint_cli.runs.reader import FinishedRun, read_run
-from repaint_cli.runs.record import Alarm
+from repaint_cli.runs.reader import RecordedRun, read_run
+from repaint_cli.runs.record import Alarm, RunRecord
+from repaint_cli.settings import first_problem
 from repaint_cli.tasks.card import TaskCard
 
 RARE = -4.0
@@ -149,14 +152,15 @@ def reference_beside(folder: Path, task: TaskCard, algorithm: str) -> np.ndarray
     Its environment, reward, rollouts, evaluation and algorithm are the same; damaged runs are
     passed over.
     """
-    references = list[tuple[float, FinishedRun]]()
+    references = list[tuple[float, RecordedRun]]()
     for files in runs_in(folder.resolve().parent):
         try:
             run = read_run(files.path)
         except RepaintError:
             continue
         same = run.record.algorithm == algorithm and _basis(run.task) == _basis(task)
-        if run.method == "scratch" and same and run.returns.size:
+        named = "algorithm" in run.record.model_fields_set  # which schema 1 left out
+        if run.method == "scratch" and named and same and run.returns.size:
             references.append((files.record.stat().st_mtime, run))
     return max(references, key=lambda pair: pair[0])[1].returns if references else None
 
@@ -165,3 +169,22 @@ def _basis(task: TaskCard) -> tuple[object, ...]:
     ppo = task.ppo
     rollouts = ppo.n_steps, ppo.n_episodes, ppo.objective
     return task.task, rollouts, task.eval
+
+
+def alarms_until(k: int, files: RunFolder, record: RunRecord) -> list[Alarm]:
+    """Return the alarms up to iteration k: those in run.json, and those noted since then.
+
+    Raises:
+        CheckpointError: the file of new alarms cannot be read or is damaged.
+    """
+    data = b""
+    if files.new_alarms.exists():
+        with reported_as(CheckpointError):
+            data = read_bytes(files.new_alarms)
+    *lines, _ = data.split(b"\n")  # the text after the last end of a line is half written
+    try:
+        new = [Alarm.model_validate_json(line) for line in lines]
+    except ValidationError as error:
+        problem = first_problem(error)
+        raise CheckpointError(f"{files.new_alarms} is damaged: {problem}") from error
+    return [alarm for alarm in dict.fromkeys([*record.alarms, *new]) if alarm.iteration <= k]

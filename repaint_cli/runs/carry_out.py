@@ -1,16 +1,18 @@
 """Carry out a plan: train, draw what came of it, and add the teacher to the zoo."""
 
-from collections.abc import Sequence
-from contextlib import nullcontext
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
+
+import torch
 
 from repaint_cli.paths import user_zoo
 from repaint_cli.runs.experiment import Experiment
 from repaint_cli.runs.figures import draw_run
 from repaint_cli.runs.metrics import Report
 from repaint_cli.runs.plan import Plan
-from repaint_cli.runs.reader import FinishedRun, read_run
+from repaint_cli.runs.reader import RecordedRun, read_run
 from repaint_cli.runs.record import Alarm
 from repaint_cli.runs.tensorboard import Events, require_tensorboard
 
@@ -19,7 +21,7 @@ from repaint_cli.runs.tensorboard import Events, require_tensorboard
 class TrainedRun:
     """A run that was trained, to its end or until it was interrupted."""
 
-    run: FinishedRun
+    run: RecordedRun
     """Its folder, read: `run.returns` are evaluated mean returns, (S, K)."""
     plan: Plan
     """What was to be done."""
@@ -27,8 +29,6 @@ class TrainedRun:
     """Files and folders that it wrote."""
     teacher: Path | None
     """The teacher's file in the user's zoo, if it trained one to the end."""
-    interrupted: bool
-    """Whether it was interrupted before its last iteration."""
 
 
 class Watcher:
@@ -46,23 +46,27 @@ class Watcher:
         Figures and teachers are still to be written.
         """
 
-    def finish(self, trained: TrainedRun) -> None:
-        """All is written."""
+    def finish(self, trained: TrainedRun, interrupted: bool) -> None:
+        """All is written; the run may have been interrupted before its last iteration."""
 
 
 def carry_out(
-    plan: Plan, watcher: Watcher | None = None, *, resume: bool = False, tensorboard: bool = False
+    plan: Plan,
+    watcher: Watcher | None = None,
+    *,
+    tensorboard: bool = False,
+    finish_interrupted: bool = True,
 ) -> TrainedRun:
     """Train as planned, draw, and write policies and the teacher.
 
     Ctrl-C ends the training early: what was finished is drawn and written all the same before it is
-    raised again. SIGTERM draws nothing.
+    raised again. SIGTERM draws nothing. A run that goes on has the number of threads it began with.
 
     Args:
         plan: what to do.
         watcher: who follows it.
-        resume: whether the plan's folder holds the beginning of the run.
         tensorboard: whether to write TensorBoard events, too.
+        finish_interrupted: whether to draw and write what was finished before Ctrl-C.
 
     Raises:
         RepaintError: see `Experiment`.
@@ -72,14 +76,28 @@ def carry_out(
     if tensorboard:
         require_tensorboard()
     watcher = watcher or Watcher()
-    experiment = Experiment.resume(plan) if resume else Experiment.begin(plan)
+    experiment = Experiment.resume(plan) if plan.begun else Experiment.begin(plan)
     watcher.begin(experiment)
-    interruption = _train(experiment, watcher, tensorboard)
-    trained = _finish(experiment, interruption is not None, tensorboard)
-    watcher.finish(trained)
+    with _threads_of_torch(experiment.record.threads):
+        interruption = _train(experiment, watcher, tensorboard)
+        if interruption and not finish_interrupted:
+            raise interruption
+        trained = _finish(experiment, interruption is not None, tensorboard)
+    watcher.finish(trained, interruption is not None)
     if interruption:
         raise interruption
     return trained
+
+
+@contextmanager
+def _threads_of_torch(n: int) -> Iterator[None]:
+    """Give torch n threads meanwhile: sums in another order differ in their last digits."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(n)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)
 
 
 def _train(experiment: Experiment, watcher: Watcher, tensorboard: bool) -> KeyboardInterrupt | None:
@@ -117,4 +135,4 @@ def _finish(experiment: Experiment, interrupted: bool, tensorboard: bool) -> Tra
     if logs := plan.task.env.logs:
         written += logs.folders(plan.folder, plan.seeds)
     written += [files.tensorboard] if tensorboard else []
-    return TrainedRun(run, plan, written, teacher, interrupted)
+    return TrainedRun(run, plan, written, teacher)

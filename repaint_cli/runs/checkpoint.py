@@ -1,5 +1,7 @@
-"""The whole state of a learner after an iteration, in one file: `--resume` starts from it."""
+"""A run's checkpoints, from which `--resume` starts: all that it is after an iteration, a file."""
 
+import os
+import shutil
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -9,12 +11,18 @@ from torch import Tensor
 
 from repaint_cli import __version__
 from repaint_cli.errors import CheckpointError
+from repaint_cli.files.atomic import atomic_write
 from repaint_cli.learn.learner import Learner
 from repaint_cli.learn.rollout.transitions import Experience
 from repaint_cli.learn.states import below, with_prefix
 from repaint_cli.learn.transfer.course import Course
 from repaint_cli.policies.networks import ActorCritic
 from repaint_cli.policies.weights import load, load_policy, policy_tensors, save
+from repaint_cli.runs.folder import remove
+from repaint_cli.runs.metrics import cut_csv
+from repaint_cli.runs.plan import Plan, difference
+from repaint_cli.runs.progress import RunProgress
+from repaint_cli.runs.teachers import RunTeachers
 
 NETWORKS = "net/"
 """Prefix of the leaves of policies and critics."""
@@ -83,3 +91,94 @@ def load_networks(path: Path, network: ActorCritic) -> None:
     """
     tensors, _ = load(path)
     load_policy(network, below(NETWORKS, tensors), str(path))
+
+
+def save_checkpoint(
+    plan: Plan, teachers: RunTeachers, learner: Learner, course: Course, progress: RunProgress
+) -> None:
+    """Write all that the run is after an iteration; keep as many earlier ones as planned.
+
+    Raises:
+        StoreError: the checkpoint cannot be written; the earlier checkpoint is as it was.
+    """
+    files, k = plan.files, learner.iteration
+    if plan.keep > 1 and files.checkpoint.is_file():
+        _copy(files.checkpoint, files.earlier_checkpoint(k - 1))
+    notes = {"run": plan.identity(teachers), "past": progress.as_json()}
+    save_learner(files.checkpoint, learner, course, notes)
+    if plan.keep > 1:
+        remove(files.earlier_checkpoint(k - plan.keep))
+
+
+def _copy(path: Path, other: Path) -> None:
+    """Put a file in the place of another, too; it takes no room where there are links.
+
+    Raises:
+        StoreError: the copy cannot be written.
+    """
+    with atomic_write(other) as temporary:
+        temporary.unlink()
+        try:
+            os.link(path, temporary)
+        except OSError:
+            shutil.copyfile(path, temporary)
+
+
+def restore(plan: Plan, teachers: RunTeachers, learner: Learner, course: Course) -> RunProgress:
+    """Restore a learner and its course after a run's last whole iteration; return the rest.
+
+    A run that was stopped before its first checkpoint starts anew. Where the newest checkpoint is
+    damaged, the newest whole one of those kept counts.
+
+    Raises:
+        CheckpointError: all checkpoints are damaged, or of another run, version or teacher.
+    """
+    newest, earlier = plan.files.checkpoint, plan.files.earlier_checkpoints()
+    if not newest.is_file() and not earlier:
+        learner.iteration = 0
+        return RunProgress()
+    problems = []
+    for path in (newest, *earlier.values()):
+        try:
+            notes = load_learner(path, learner, course)
+            progress = RunProgress.from_notes(notes, path)
+        except CheckpointError as error:
+            problems.append(error)
+            continue
+        _check_identity(path, notes, plan, teachers)
+        progress.notices = [f"{problem}; going on from {path.name}" for problem in problems]
+        return progress
+    raise problems[0]
+
+
+def _check_identity(
+    path: Path, notes: Mapping[str, Any], plan: Plan, teachers: RunTeachers
+) -> None:
+    """Check that a checkpoint is of the planned run.
+
+    Raises:
+        CheckpointError: the checkpoint is of another run.
+    """
+    text = difference(notes.get("run"), plan.identity(teachers))
+    if text:
+        raise CheckpointError(
+            f"{path} is of another run than run.json beside it: {text}; put back the one or the "
+            "other"
+        )
+
+
+def settle(plan: Plan, progress: RunProgress, k: int) -> None:
+    """Remove what a run's folder holds of iterations after k, and what was never finished.
+
+    Raises:
+        CheckpointError: metrics.csv lacks an iteration up to k.
+        StoreError: the folder cannot be written.
+    """
+    files = plan.files
+    if progress.source and progress.source != files.checkpoint:  # which is damaged
+        _copy(progress.source, files.checkpoint)
+    files.forget_after(k)
+    for surplus in list(files.earlier_checkpoints().values())[plan.keep - 1 :]:
+        remove(surplus)
+    cut_csv(files.metrics, k, len(plan.seeds))
+    files.remove_unfinished()

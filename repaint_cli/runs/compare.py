@@ -1,6 +1,6 @@
 """Compare runs: by their returns, or by the paths of their last policies."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -9,12 +9,12 @@ from repaint_cli.envs.episodes import Episodes
 from repaint_cli.errors import CardError, UsageError
 from repaint_cli.learn.evaluation import evaluate
 from repaint_cli.learn.seeding import Purpose
-from repaint_cli.runs.comparison import Comparison, comparison_of, reference_of
+from repaint_cli.runs.comparison import REFERENCE, Comparison, comparison_of, reference_of
 from repaint_cli.runs.comparison_report import title_of, write_report
 from repaint_cli.runs.figures import draw_curves, draw_trajectories
 from repaint_cli.runs.find_policies import last_policies
 from repaint_cli.runs.folder import RunFolder
-from repaint_cli.runs.reader import FinishedRun, read_run
+from repaint_cli.runs.reader import RecordedRun, read_run
 
 EPISODES = 20
 """Episodes that the paper draws of each policy."""
@@ -24,7 +24,7 @@ EPISODES = 20
 class ComparedRuns:
     """Runs of one task, compared."""
 
-    runs: dict[str, FinishedRun]
+    runs: dict[str, RecordedRun]
     """By labels that tell them apart."""
     comparison: Comparison
     """How each did."""
@@ -36,7 +36,7 @@ class ComparedRuns:
 class EvaluatedRun:
     """A run whose last policies were evaluated."""
 
-    run: FinishedRun
+    run: RecordedRun
     """Which."""
     label: str
     """Its task and the run's label."""
@@ -50,12 +50,20 @@ class EvaluatedRun:
         return named | {"returns": returns} | run.task.env.outcomes(self.episodes)
 
 
+OnComparison = Callable[[Comparison], object]
+"""Is called with the numbers before anything is written."""
+
+OnEvaluatedRun = Callable[[EvaluatedRun], object]
+"""Is called with each run as it was evaluated, before anything is written."""
+
+
 def compare_runs(
     folders: Sequence[Path],
-    reference: str = "scratch",
+    reference: str | Path | None = None,
     target: float | None = None,
     picture: Path | None = None,
     report: Path | None = None,
+    on_comparison: OnComparison | None = None,
 ) -> ComparedRuns:
     """Compare runs of one task, and draw their curves or write a report; see `repaint_cli.compare`.
 
@@ -65,7 +73,9 @@ def compare_runs(
         StoreError: a file cannot be written.
     """
     runs = read_runs(folders)
-    comparison = comparison_of(runs, reference_of(runs, reference), target)
+    comparison = comparison_of(runs, reference_of(runs, str(reference or REFERENCE)), target)
+    if on_comparison:
+        on_comparison(comparison)
     if report:
         return ComparedRuns(runs, comparison, write_report(runs, comparison, report))
     picture = picture or Path("compare.png")
@@ -73,7 +83,7 @@ def compare_runs(
     return ComparedRuns(runs, comparison, [picture])
 
 
-def read_runs(folders: Sequence[Path]) -> dict[str, FinishedRun]:
+def read_runs(folders: Sequence[Path]) -> dict[str, RecordedRun]:
     """Read runs of one task by labels that tell them apart.
 
     Other folders, and runs without a finished iteration, are passed over.
@@ -96,7 +106,7 @@ def read_runs(folders: Sequence[Path]) -> dict[str, FinishedRun]:
     return {run.label if labels.count(run.label) == 1 else str(run.folder): run for run in runs}
 
 
-def _with_iterations(folders: Sequence[Path]) -> list[FinishedRun]:
+def _with_iterations(folders: Sequence[Path]) -> list[RecordedRun]:
     """Read those folders that are runs with a finished iteration."""
     runs = [read_run(f) for f in folders if RunFolder(f).is_run() or not f.is_dir()]
     return [run for run in runs if run.returns.size]
@@ -110,14 +120,16 @@ def check_reference(reference: str | None, folders: Sequence[Path], methods: Seq
         UsageError: there will be no such reference.
         CardError: the folders hold no runs of one task.
     """
-    runs: Mapping[str, FinishedRun] = read_runs(folders) if folders else {}
+    runs = read_runs(folders) if folders else {}
     if reference is None or reference in methods:
         return
-    if not runs or reference_of(dict(runs), reference) is None:
+    if not runs or reference_of(runs, reference) is None:
         raise UsageError(f"expected --reference among what is compared, found '{reference}'")
 
 
-def compare_paths(folders: Sequence[Path], picture: Path) -> list[EvaluatedRun]:
+def compare_paths(
+    folders: Sequence[Path], picture: Path, on_run: OnEvaluatedRun | None = None
+) -> list[EvaluatedRun]:
     """Let the last policies of runs play, and draw the first seeds' paths side by side.
 
     Raises:
@@ -137,6 +149,8 @@ def compare_paths(folders: Sequence[Path], picture: Path) -> list[EvaluatedRun]:
         policies = last_policies(run)
         episodes = evaluate(policies, run.task, run.seeds, EPISODES, purpose=Purpose.SCORE)
         evaluated.append(EvaluatedRun(run, f"{run.task.name}: {run.label}", episodes))
+        if on_run:
+            on_run(evaluated[-1])
     title = f"the last policies, {EPISODES} episodes each, first seeds"
     panels = [(one.label, one.episodes) for one in evaluated]
     draw_trajectories(runs[0].task, panels, picture, title)

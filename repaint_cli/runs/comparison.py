@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from repaint_cli.errors import NotFound
-from repaint_cli.runs.reader import FinishedRun
+from repaint_cli.runs.reader import RecordedRun
 from repaint_cli.statistics import (
     area_under_curve,
     differ_by_chance,
@@ -16,6 +16,9 @@ from repaint_cli.statistics import (
     mean_ci,
     reduction_ci,
 )
+
+REFERENCE = "scratch"
+"""The run that others are compared with where none is named; it may be absent."""
 
 Estimate = tuple[float, float, float]
 """A number and the ends of its 95 % bootstrap interval over seeds, nan where there is none."""
@@ -85,23 +88,23 @@ class Comparison:
         return f"{self.target:.4g}{of}"
 
 
-def reference_of(runs: Mapping[str, FinishedRun], wanted: str) -> str | None:
+def reference_of(runs: Mapping[str, RecordedRun], wanted: str) -> str | None:
     """Return the label of the reference: a label, a run's folder, or the first run of a method.
 
     Raises:
-        NotFound: no run has such a name; the default "scratch" may be absent.
+        NotFound: no run has such a name, and it is not `REFERENCE`.
     """
     if wanted in runs:
         return wanted
     called = {label: (run.method, str(run.folder).rstrip("/")) for label, run in runs.items()}
     named = next((label for label, names in called.items() if wanted.rstrip("/") in names), None)
-    if named is None and wanted != "scratch":
+    if named is None and wanted != REFERENCE:
         raise NotFound.named("reference", wanted, runs, "repaint compare --help")
     return named
 
 
 def comparison_of(
-    runs: Mapping[str, FinishedRun], reference: str | None, target: float | None
+    runs: Mapping[str, RecordedRun], reference: str | None, target: float | None
 ) -> Comparison:
     """Compare runs of one task with a reference.
 
@@ -120,7 +123,7 @@ def comparison_of(
 
 
 def _standing(
-    label: str, run: FinishedRun, basis: FinishedRun | None, target: float | None, common: int
+    label: str, run: RecordedRun, basis: RecordedRun | None, target: float | None, common: int
 ) -> Standing:
     returns, goal = run.returns, np.nan if target is None else target
     areas = area_under_curve(returns[:, :common])
@@ -143,7 +146,7 @@ def _standing(
     )  # fmt: skip
 
 
-def _at(run: FinishedRun, name: str, k: float) -> float:
+def _at(run: RecordedRun, name: str, k: float) -> float:
     """Return a column's mean over seeds at iteration k, nan if k is."""
     return float("nan") if np.isnan(k) else float(run.rows[name][:, int(k) - 1].mean())
 

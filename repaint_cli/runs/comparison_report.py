@@ -11,7 +11,7 @@ import numpy as np
 from repaint_cli.files.atomic import write_text
 from repaint_cli.runs.comparison import COLUMNS, Comparison, as_row
 from repaint_cli.runs.figures import draw_curves
-from repaint_cli.runs.reader import FinishedRun
+from repaint_cli.runs.reader import RecordedRun
 from repaint_cli.statistics import bootstrap_mean
 
 HEADS = (
@@ -43,7 +43,7 @@ Files: `comparison.csv` has these numbers and more, `curves.csv` every point of 
 
 
 def write_report(
-    runs: Mapping[str, FinishedRun], comparison: Comparison, folder: Path
+    runs: Mapping[str, RecordedRun], comparison: Comparison, folder: Path
 ) -> list[Path]:
     """Write the folder; return its files.
 
@@ -52,7 +52,7 @@ def write_report(
     """
     pictures = [folder / "curves.png", folder / "curves.svg"]
     for picture in pictures:
-        draw_curves(dict(runs), picture, title_of(comparison), comparison.target)
+        draw_curves(runs, picture, title_of(comparison), comparison.target)
     tables = {"comparison.csv": _comparison(comparison), "curves.csv": _curves(runs)}
     for name, text in tables.items():
         write_text(folder / name, text)
@@ -71,7 +71,7 @@ def _comparison(comparison: Comparison) -> str:
     return _csv(COLUMNS, ([_cell(row[name]) for name in COLUMNS] for row in rows))
 
 
-def _curves(runs: Mapping[str, FinishedRun]) -> str:
+def _curves(runs: Mapping[str, RecordedRun]) -> str:
     lines = []
     for label, run in runs.items():
         low, high = bootstrap_mean(run.returns)
@@ -99,7 +99,7 @@ def _cell(value: object) -> object:
     return f"{value:.6g}" if isinstance(value, float | np.floating) else value
 
 
-def _page(runs: Mapping[str, FinishedRun], comparison: Comparison) -> str:
+def _page(runs: Mapping[str, RecordedRun], comparison: Comparison) -> str:
     rows = [_row(as_row(standing)) for standing in comparison.standings]
     return PAGE.format(
         task=comparison.task,

@@ -1,11 +1,12 @@
 """Evaluate the policies of a run or a teacher, and write how they did."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from repaint_cli.envs.episodes import Episodes
-from repaint_cli.errors import CardError
+from repaint_cli.errors import CardError, UsageError
 from repaint_cli.files.atomic import as_json, check_writable, write_text
 from repaint_cli.learn.evaluation import evaluate
 from repaint_cli.learn.seeding import Purpose
@@ -13,7 +14,6 @@ from repaint_cli.provenance import stamp
 from repaint_cli.runs.figures import draw_trajectories
 from repaint_cli.runs.find_policies import Policies
 from repaint_cli.runs.folder import RunFolder
-from repaint_cli.runs.start import seed_list
 from repaint_cli.tasks.card import TaskCard
 
 
@@ -23,8 +23,6 @@ class Evaluation:
 
     policies: Policies
     """Which, and in which task."""
-    episode_seeds: list[int]
-    """What the episodes were drawn from, (S,)."""
     episodes: Episodes
     """Returns, lengths, actions and more, as arrays."""
     written: list[Path]
@@ -37,16 +35,34 @@ class Evaluation:
             n_episodes: how many; the simulator's own number where absent.
 
         Raises:
+            UsageError: the number is below 1.
             CardError: the film shows observations, which the evaluation did not keep.
             RenderError: no renderer works here.
             StoreError: the file cannot be written.
         """
+        check_filmed(n_episodes)
         card, path = self.policies.card, RunFolder(self.policies.folder).film
         if card.env.films_observations and self.episodes.observations is None:
-            raise CardError("expected an evaluation that keeps observations: for_film=True")
-        wanted = min(n_episodes or card.env.filmed_episodes, card.eval.episodes)
-        card.env.film(self.episodes, path, self.policies.name, wanted)
+            raise CardError(
+                "expected an evaluation that keeps observations: keep_observations=True"
+            )
+        wanted = card.env.filmed_episodes if n_episodes is None else n_episodes
+        card.env.film(self.episodes, path, self.policies.name, min(wanted, card.eval.episodes))
         return path
+
+
+OnEpisodes = Callable[[Policies, Episodes], object]
+"""Is called with the policies and how they did before anything is written."""
+
+
+def check_filmed(n_episodes: int | None) -> None:
+    """Check how many episodes are to be filmed; None is the simulator's own number.
+
+    Raises:
+        UsageError: the number is below 1.
+    """
+    if n_episodes is not None and n_episodes < 1:
+        raise UsageError(f"expected --video-episodes of at least 1, found {n_episodes}")
 
 
 def check_simulator(
@@ -72,31 +88,37 @@ def check_simulator(
 def evaluate_policy(
     policies: Policies,
     seed: int | None = None,
-    *,
-    for_film: bool = False,
+    keep_observations: bool = False,
     log_folder: Path | None = None,
     colour: str = "",
+    on_episodes: OnEpisodes | None = None,
 ) -> Evaluation:
     """Evaluate policies; write eval.json, their paths where they have any, and logs if asked for.
 
     Args:
         policies: which, and in which task.
         seed: of the episodes; the policies' own where absent.
-        for_film: whether to keep the observations that a film shows.
+        keep_observations: whether to keep observations where a film shows them.
         log_folder: where to log the episodes in the simulator's format.
         colour: what colours the paths; "" is the simulator's default.
+        on_episodes: see `OnEpisodes`.
 
     Raises:
+        UsageError: the seed is negative.
         StoreError: a file cannot be written.
     """
     card, n = policies.card, policies.card.eval.episodes
-    seeds = policies.seeds if seed is None else seed_list(seed, 1) * len(policies.seeds)
+    if seed is not None and seed < 0:
+        raise UsageError(f"expected --seed of at least 0, found {seed}")
+    seeds = policies.seeds if seed is None else [seed] * len(policies.seeds)
     if log_folder:
         check_writable(log_folder)  # better now than after the episodes
     episodes = evaluate(
         policies.network, card, seeds, n, purpose=Purpose.SCORE,
-        keep_observations=for_film and card.env.films_observations,
+        keep_observations=keep_observations and card.env.films_observations,
     )  # fmt: skip
+    if on_episodes:
+        on_episodes(policies, episodes)
     files = RunFolder(policies.folder)
     written = [files.eval_record]
     write_text(written[0], as_json(_summary(policies, episodes, seeds)))
@@ -105,7 +127,7 @@ def evaluate_policy(
         written.append(files.eval_trajectories)
     if log_folder:
         written += _log(policies, episodes, log_folder)
-    return Evaluation(policies, seeds, episodes, written)
+    return Evaluation(policies, episodes, written)
 
 
 def _log(policies: Policies, episodes: Episodes, folder: Path) -> list[Path]:

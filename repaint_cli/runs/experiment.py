@@ -7,7 +7,6 @@ from pathlib import Path
 from time import perf_counter
 
 import numpy as np
-import torch
 
 from repaint_cli.envs.logs import EpisodeLog
 from repaint_cli.errors import RepaintError, StoreError, locate_divergence
@@ -19,15 +18,16 @@ from repaint_cli.learn.transfer.courses import course_of
 from repaint_cli.policies.networks import ActorCritic
 from repaint_cli.provenance import versions
 from repaint_cli.runs import evaluations
-from repaint_cli.runs.alarms import alarms_of, reference_beside
+from repaint_cli.runs.alarms import alarms_of, alarms_until, reference_beside
+from repaint_cli.runs.checkpoint import restore, save_checkpoint, settle
 from repaint_cli.runs.folder import RunFolder
 from repaint_cli.runs.measuring import begin_course, inform_course
 from repaint_cli.runs.metrics import Report, append_csv, start_csv
 from repaint_cli.runs.plan import Plan
 from repaint_cli.runs.policies import is_of_iteration, write_policy
-from repaint_cli.runs.record import Alarm, RunRecord, alarms_until
-from repaint_cli.runs.resume import RunState, restore, save_checkpoint, settle
-from repaint_cli.runs.teachers import RunTeachers, warm_start, with_terms_of
+from repaint_cli.runs.progress import RunProgress
+from repaint_cli.runs.record import Alarm, RunRecord
+from repaint_cli.runs.teachers import RunTeachers, warm_start
 from repaint_cli.tasks import trust
 from repaint_cli.tasks.card import TaskCard
 from repaint_cli.tasks.methods import METHODS
@@ -44,8 +44,6 @@ class Experiment:
 
     plan: Plan
     """What to do."""
-    card: TaskCard
-    """The target task as it is carried out."""
     teachers: RunTeachers
     """The teachers to learn from."""
     learner: Learner
@@ -56,7 +54,7 @@ class Experiment:
     """What run.json holds, or will hold."""
     reference: np.ndarray | None
     """Evaluated mean returns (S, K) of a run from scratch beside this one."""
-    state: RunState = field(default_factory=RunState)
+    progress: RunProgress = field(default_factory=RunProgress)
     """What else changes from iteration to iteration."""
     notices: list[str] = field(default_factory=list)
     """Warnings for whoever resumed the run."""
@@ -76,7 +74,7 @@ class Experiment:
         """
         experiment = cls._prepared(plan)
         plan.files.claim(experiment._write_first)
-        trust.remember(plan.target)
+        trust.remember(experiment.card)
         return experiment
 
     @classmethod
@@ -91,30 +89,36 @@ class Experiment:
             CheckpointError: a teacher's file or the run's own is damaged, or of another run.
         """
         trust.check(plan.target, plan.folder)
-        experiment, began = cls._prepared(plan), RunRecord.read(plan.files)
-        began.check_resumable(plan.files)
-        experiment.state = restore(plan, experiment.teachers, experiment.learner, experiment.course)
+        experiment, begun = cls._prepared(plan), plan.begun
+        assert begun is not None
+        progress = restore(plan, experiment.teachers, experiment.learner, experiment.course)
         record, k = experiment.record, experiment.learner.iteration
-        record.versions, record.threads = began.versions, began.threads
-        record.resumed, record.iterations = began.resumed, k
-        record.alarms = alarms_until(k, plan.files, began)
-        experiment.notices = [*experiment.state.notices, *record.go_on_with(versions())]
+        record.versions, record.threads = begun.versions, begun.threads
+        record.resumed, record.iterations = list(begun.resumed), k
+        record.alarms = alarms_until(k, plan.files, begun)
+        experiment.notices = [*progress.notices, *record.go_on_with(versions())]
+        experiment.progress = progress
         return experiment
 
     @classmethod
     def _prepared(cls, plan: Plan) -> "Experiment":
         """Make all that needs no file of the run."""
         spaces, teachers = plan.check()
-        student = ActorCritic(spaces, plan.target.net, len(plan.seeds))
-        learner = Learner.fresh(student, plan.seeds, plan.target.ppo.learning_rate)
+        card = teachers.target
+        student = ActorCritic(spaces, card.net, len(plan.seeds))
+        learner = Learner.fresh(student, plan.seeds, card.ppo.learning_rate)
         if METHODS[plan.method].warm_start:
-            warm_start(student, teachers, plan.target)
+            warm_start(student, teachers)
         reference = None
         if teachers.teachers:
-            reference = reference_beside(plan.folder, plan.target, plan.algorithm)
-        card = with_terms_of(teachers.cards, plan.target)
+            reference = reference_beside(plan.folder, card, plan.algorithm)
         course = course_of(card, teachers.teachers, len(plan.seeds))
-        return cls(plan, card, teachers, learner, course, plan.new_record(teachers), reference)
+        return cls(plan, teachers, learner, course, plan.new_record(teachers), reference)
+
+    @property
+    def card(self) -> TaskCard:
+        """The target task as it is carried out."""
+        return self.teachers.target
 
     def _write_first(self, files: RunFolder) -> None:
         self.record.write(files)
@@ -129,14 +133,11 @@ class Experiment:
             StoreError: another process writes this run, or the disk is full.
         """
         with self.plan.files.locked():
-            torch.set_num_threads(
-                self.record.threads
-            )  # sums in another order differ in their last digits
             yield from self._run()
 
     def _run(self) -> Iterator[Report]:
         learner, card = self.learner, self.card
-        started, outcome = perf_counter() - self.state.seconds, "interrupted"
+        started, outcome = perf_counter() - self.progress.seconds, "interrupted"
         if logs := card.env.logs:
             places = logs.folders(self.plan.folder, self.plan.seeds)
             self._logs = [logs.open(path, card.logged) for path in places]
@@ -154,53 +155,53 @@ class Experiment:
                 yield report
             outcome = "finished"
         finally:
-            self.state.seconds = perf_counter() - started
+            self.progress.seconds = perf_counter() - started
             if outcome != "finished":
                 self._restore_last_iteration()
             self._write_record(outcome)
 
     def save(self, report: Report) -> None:
         """Put an iteration on disk; it counts once its checkpoint is there."""
-        files, state, k = self.plan.files, self.state, report.stats.iteration
+        files, progress, k = self.plan.files, self.progress, report.stats.iteration
         for s, log in enumerate(self._logs):
             if report.stats.rollout:
                 log.log_training(k, report.stats.rollout.steps, s)
             log.log_evaluation(k, report.evaluation.steps, s)
-        if paths := self.plan.task.env.paths:
+        if paths := self.card.env.paths:
             evaluations.write(files.evaluation(k), k, report.evaluation, paths.records)
         rows = [
             row | {"seed": seed} for row, seed in zip(report.rows, self.plan.seeds, strict=True)
         ]
         append_csv(files.metrics, rows)
-        rule = self.plan.target.select.rule
-        self.newest_alarms = alarms_of(report, state.returns, self.reference, rule)
+        rule = self.card.select.rule
+        self.newest_alarms = alarms_of(report, progress.returns, self.reference, rule)
         self.record.add_alarms(self.newest_alarms, files)
-        state.add_evaluation(k, report.evaluation.returns)
-        state.seconds, state.logs = report.seconds, [log.position for log in self._logs]
-        save_checkpoint(self.plan, self.teachers, self.learner, self.course, state)
+        progress.add_evaluation(k, report.evaluation.returns)
+        progress.seconds, progress.logs = report.seconds, [log.position for log in self._logs]
+        save_checkpoint(self.plan, self.teachers, self.learner, self.course, progress)
         self._keep_best()
 
     def _keep_best(self) -> None:
         """Write the best evaluated policy if it is the last one, and not there yet."""
-        path, (k, s) = self.plan.files.best, self.state.best
+        path, (k, s) = self.plan.files.best, self.progress.best
         if 0 < k == self.learner.iteration and not is_of_iteration(path, k):
             write_policy(path, self.plan, self.teachers, self.learner, s)
 
     def _settle(self) -> None:
         """Leave exactly the finished iterations in the folder."""
         k = self.learner.iteration
-        settle(self.plan, self.state, k)
+        settle(self.plan, self.progress, k)
         for log, position in zip(
-            self._logs, self.state.logs or [{}] * len(self._logs), strict=True
+            self._logs, self.progress.logs or [{}] * len(self._logs), strict=True
         ):
             log.go_back(k, position)
         self._keep_best()
 
     def _restore_last_iteration(self) -> None:
         """Go back to the last iteration that is on disk as a whole."""
-        seconds = self.state.seconds
-        self.state = restore(self.plan, self.teachers, self.learner, self.course)
-        self.state.seconds = seconds
+        seconds = self.progress.seconds
+        self.progress = restore(self.plan, self.teachers, self.learner, self.course)
+        self.progress.seconds = seconds
         done = self.learner.iteration
         self.record.alarms = [alarm for alarm in self.record.alarms if alarm.iteration <= done]
         with suppress(RepaintError):  # such as a full disk; resuming does it again
@@ -208,7 +209,7 @@ class Experiment:
 
     def _write_record(self, state: str) -> None:
         self.record.state, self.record.iterations = state, self.learner.iteration
-        self.record.seconds = round(self.state.seconds, 1)
+        self.record.seconds = round(self.progress.seconds, 1)
         self.record.write(self.plan.files)
 
     def policies(self) -> list[Path]:
@@ -226,7 +227,7 @@ class Experiment:
         """
         best = self.plan.files.best
         network, card = store.read_teacher(best)
-        scored = {"name": name, "score": score(network, self.plan.task, card.seed)}
+        scored = {"name": name, "score": score(network, self.card, card.seed)}
         try:
             return store.add(network, 0, card.model_copy(update=scored), folder, replace=replace)
         except StoreError as error:

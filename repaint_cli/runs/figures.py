@@ -1,6 +1,6 @@
 """The pictures of a run: which data goes into its curves, its trajectories and its video."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -8,25 +8,25 @@ import numpy as np
 from repaint_cli.envs.episodes import Episodes
 from repaint_cli.report.curves import plot_curves
 from repaint_cli.runs import evaluations
-from repaint_cli.runs.reader import FinishedRun
+from repaint_cli.runs.reader import RecordedRun
 from repaint_cli.tasks.task import Task
 
 PANELS = 6
 """Checkpoints whose trajectories are drawn."""
 
 
-def draw_run(run: FinishedRun) -> list[Path]:
+def draw_run(run: RecordedRun) -> list[Path]:
     """Draw all figures of a run; return their files."""
     return [path for draw in RUN_FIGURES for path in draw(run)]
 
 
-def draw_returns(run: FinishedRun) -> list[Path]:
+def draw_returns(run: RecordedRun) -> list[Path]:
     """Draw a run's learning curve."""
     draw_curves({run.label: run}, run.files.curves, title=f"{run.task.name}: {run.label}")
     return [run.files.curves]
 
 
-def draw_evaluations(run: FinishedRun) -> list[Path]:
+def draw_evaluations(run: RecordedRun) -> list[Path]:
     """Draw where some evaluations of the first seed led, if the task has paths."""
     files = list(run.files.kept_evaluations().items())
     if not files:
@@ -37,7 +37,7 @@ def draw_evaluations(run: FinishedRun) -> list[Path]:
     return [path] if draw_trajectories(run.task, panels, path, _first_seed(run)) else []
 
 
-def draw_training(run: FinishedRun) -> list[Path]:
+def draw_training(run: RecordedRun) -> list[Path]:
     """Draw what the run's logs show of its first seed's training, if the simulator has logs."""
     logs = run.task.env.logs
     if logs is None:
@@ -49,12 +49,12 @@ RUN_FIGURES = (draw_returns, draw_evaluations, draw_training)
 """What is drawn of every run: functions from the run to the files that they wrote."""
 
 
-def _first_seed(run: FinishedRun) -> str:
+def _first_seed(run: RecordedRun) -> str:
     return f"{run.task.name}: {run.label}, seed {run.seeds[0]}"
 
 
 def draw_curves(
-    runs: dict[str, FinishedRun], path: Path, title: str, target: float | None = None
+    runs: Mapping[str, RecordedRun], path: Path, title: str, target: float | None = None
 ) -> None:
     """Draw learning curves of runs on one task, by label, and what they were to reach."""
     some = list(runs.values())

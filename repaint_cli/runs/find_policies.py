@@ -10,15 +10,12 @@ from repaint_cli.policies import weights
 from repaint_cli.policies.networks import ActorCritic
 from repaint_cli.provenance import stamp
 from repaint_cli.runs.checkpoint import NETWORKS, load_networks
-from repaint_cli.runs.folder import RunFolder
-from repaint_cli.runs.reader import FinishedRun, newest_run, read_run
+from repaint_cli.runs.folder import RUNS, RunFolder
+from repaint_cli.runs.reader import RecordedRun, newest_run, read_run
 from repaint_cli.tasks import trust
 from repaint_cli.tasks.card import TaskCard
 from repaint_cli.zoo import store
 from repaint_cli.zoo.teacher_card import TeacherCard
-
-ROOT = Path("runs")
-"""Where evaluations are written that belong to no run."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +34,7 @@ class Policies:
     """Where to write the evaluation."""
     teacher: TeacherCard | None = None
     """The teacher, if it is one."""
-    run_folder: Path = ROOT
+    run_folder: Path = RUNS
     """The run's folder, if they are a run's."""
 
 
@@ -54,14 +51,14 @@ def find_policies(policy: str | Path | None, card: TaskCard | None = None) -> Po
         TeacherMismatch: the policies do not fit the task.
         CardError: the task would run code that a teacher's file brings along.
     """
-    folder = newest_run(ROOT) if policy is None else Path(policy)
+    folder = newest_run(RUNS) if policy is None else Path(policy)
     is_run = RunFolder(folder).is_run()
     if policy is None or is_run or (folder.is_dir() and str(policy) not in store.teachers()):
         return _of_run(read_run(folder), card)
     return _of_teacher(str(policy), card)
 
 
-def _of_run(run: FinishedRun, card: TaskCard | None) -> Policies:
+def _of_run(run: RecordedRun, card: TaskCard | None) -> Policies:
     network = last_policies(run)
     if card and spaces_of(card) != network.spaces:
         raise TeacherMismatch(
@@ -84,11 +81,11 @@ def _of_teacher(name: str, card: TaskCard | None) -> Policies:
         )
     target = card or teacher.task
     title = teacher.name if target == teacher.task else f"{teacher.name} on {target.name}"
-    folder = ROOT / target.name / f"eval-{teacher.name}-{stamp()}"
+    folder = RUNS / target.name / f"eval-{teacher.name}-{stamp()}"
     return Policies(title, network, [teacher.seed], target, folder, teacher)
 
 
-def last_policies(run: FinishedRun) -> ActorCritic:
+def last_policies(run: RecordedRun) -> ActorCritic:
     """Return a run's last policies.
 
     Raises:
@@ -103,18 +100,23 @@ def last_policies(run: FinishedRun) -> ActorCritic:
     return network
 
 
-def with_settings(policies: Policies, options: Sequence[str], settings: Sequence[str]) -> Policies:
+def with_settings(
+    policies: Policies, episodes: int | None, noise: str | None, settings: Sequence[str]
+) -> Policies:
     """Return the policies with other settings of their task.
 
     Args:
         policies: which.
-        options: settings of the evaluation, as `section.key=value`.
+        episodes: how many in an evaluation; as the task has it where absent.
+        noise: "none" or "paper"; as the task has it where absent.
         settings: others, which make it an evaluation of its own, in a folder of its own.
 
     Raises:
         CardError: a setting is out of range.
         TeacherMismatch: the policies do not fit the task any more.
     """
+    given = {"episodes": episodes, "noise": noise}
+    options = [f"eval.{key}={value}" for key, value in given.items() if value is not None]
     card = policies.card.with_settings([*options, *settings])
     if settings:
         if spaces_of(card) != policies.network.spaces:
@@ -123,6 +125,6 @@ def with_settings(policies: Policies, options: Sequence[str], settings: Sequence
                 f"{spaces_of(card)}"
             )
         name = f"{policies.name} · {', '.join(settings)}"
-        folder = ROOT / card.name / f"eval-set-{stamp()}"
+        folder = RUNS / card.name / f"eval-set-{stamp()}"
         policies = replace(policies, name=name, folder=folder)
     return replace(policies, card=card.model_copy(update={"env": card.env.for_replay()}))

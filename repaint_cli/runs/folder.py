@@ -12,6 +12,9 @@ from repaint_cli.errors import StoreError
 from repaint_cli.files.atomic import TEMPORARY_PREFIX, UMASK, write_errors
 from repaint_cli.files.lock import folder_lock
 
+RUNS = Path("runs")
+"""Where runs are, unless they are put elsewhere, and evaluations that belong to no run."""
+
 RECORD = "run.json"
 """What makes a folder a run's."""
 

@@ -44,6 +44,8 @@ class Plan:
     """Whether it may replace another there."""
     keep: int = 1
     """How many checkpoints to keep."""
+    begun: RunRecord | None = None
+    """The record of a run that goes on; None of a new one."""
 
     @property
     def files(self) -> RunFolder:
@@ -110,7 +112,6 @@ class Plan:
         """Return what identifies a run, as JSON; the number of iterations is not part of it."""
         task = self.task.model_dump(mode="json")
         task["ppo"]["n_iterations"] = None
-        files = [sha256(path) for path in self.task.env.files()]
         return {
             "algorithm": self.algorithm,
             "method": self.method,
@@ -118,7 +119,7 @@ class Plan:
             "task": task,
             "transfer": self.transfer.model_dump(mode="json"),
             "teachers": {teacher.name: teacher.sha256 for teacher in teachers.records},
-            "track": files[0] if files else None,
+            **{name: sha256(path) for name, path in self.task.env.files().items()},
         }
 
     @property
@@ -133,7 +134,7 @@ class Plan:
 
 
 def plan_of(record: RunRecord, task: TaskCard, folder: Path) -> Plan:
-    """Return the plan of an earlier run, with the files of its teachers.
+    """Return the plan of a run that goes on, with the files of its teachers.
 
     Args:
         record: its run.json.
@@ -141,18 +142,16 @@ def plan_of(record: RunRecord, task: TaskCard, folder: Path) -> Plan:
         folder: where it lies.
 
     Raises:
-        CheckpointError: the record is of an earlier version.
         NotFound: a teacher's file is gone.
         TeacherMismatch: a teacher's file has other contents now.
     """
-    record.check_resumable(RunFolder(folder))
     paths = [(_file_of(teacher), teacher.instances) for teacher in record.teachers]
     return Plan(
         task, record.method, record.seeds, folder,
         teachers=tuple(path for path, _ in paths),
         acting=tuple(path for path, acts in paths if acts),
         algorithm=record.algorithm, teacher_name=record.teacher_name,
-        replace=record.replace, keep=record.keep,
+        replace=record.replace, keep=record.keep, begun=record,
     )  # fmt: skip
 
 

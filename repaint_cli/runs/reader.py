@@ -22,8 +22,8 @@ READ_COLUMNS = (
 
 
 @dataclass(frozen=True)
-class FinishedRun:
-    """A run's folder, read; the run itself may go on."""
+class RecordedRun:
+    """What a run's folder holds; the run itself may go on."""
 
     files: RunFolder
     """Where its files lie."""
@@ -77,24 +77,28 @@ class FinishedRun:
         return None if np.isnan(progress).all() else progress
 
 
-def read_run(folder: Path) -> FinishedRun:
+def read_run(folder: Path, *, to_resume: bool = False) -> RecordedRun:
     """Read a run's folder.
+
+    Args:
+        folder: where it lies.
+        to_resume: whether run.json must hold all that a resumed run needs.
 
     Raises:
         NotFound: the folder is no run's.
-        CheckpointError: run.json or metrics.csv is damaged.
+        CheckpointError: run.json or metrics.csv is damaged, or cannot be resumed if it is to be.
     """
     files = RunFolder(folder)
     if not os.path.exists(files.record):  # which takes any name
         raise NotFound(f"expected a run's folder with run.json, found none at {folder}")
-    record = RunRecord.read(files)
+    record = RunRecord.read_resumable(files) if to_resume else RunRecord.read(files)
     task = TaskCard.parse(record.task, str(files.record))
     try:
         with reported_as(CheckpointError):
             rows = _columns(files.metrics, record.seeds)
     except ValueError as error:
         raise CheckpointError(f"{files.metrics} is damaged: {error!s:.200}") from error
-    return FinishedRun(files, record, task, rows)
+    return RecordedRun(files, record, task, rows)
 
 
 def _columns(path: Path, seeds: Sequence[int]) -> dict[str, np.ndarray]:

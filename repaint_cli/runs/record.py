@@ -11,12 +11,15 @@ from pydantic import (
     NonNegativeInt,
     PositiveInt,
     ValidationError,
+    ValidationInfo,
+    ValidatorFunctionWrapHandler,
     field_validator,
 )
+from pydantic_core import PydanticUseDefault
 
 from repaint_cli.errors import CheckpointError, reported_as
 from repaint_cli.files.atomic import append_text, as_json, write_text
-from repaint_cli.files.limits import read_bytes, read_json
+from repaint_cli.files.limits import read_json
 from repaint_cli.runs.folder import RunFolder, remove
 from repaint_cli.settings import first_problem
 from repaint_cli.tasks.methods import ALGORITHMS, METHODS
@@ -29,6 +32,19 @@ DECIDED = ("algorithm", "teacher_name", "replace", "keep")
 
 BEGINNING = ("versions", "threads", "resumed")
 """What a run began with; results depend on it."""
+
+LENIENT = {"lenient": True}
+"""The validation context in which a malformed part counts as absent, where it has a default."""
+
+
+def _or_default(value: Any, handler: ValidatorFunctionWrapHandler, info: ValidationInfo) -> Any:
+    """Validate a part that only a resumed run needs; see `LENIENT`."""
+    try:
+        return handler(value)
+    except ValidationError:
+        if info.context == LENIENT:
+            raise PydanticUseDefault from None
+        raise
 
 
 class Alarm(BaseModel):
@@ -55,6 +71,8 @@ class TeacherRecord(BaseModel):
     """Whether its own samples are learned from."""
     file: str = ""
     """Where its file was."""
+
+    _lenient = field_validator("sha256", "instances", "file", mode="wrap")(_or_default)
 
 
 class Resumption(BaseModel):
@@ -108,6 +126,11 @@ class RunRecord(BaseModel):
     alarms: list[Alarm] = []
     """What looked wrong, up to the time at which this was written."""
 
+    _lenient = field_validator(
+        "schema_version", "state", "transfer", "teacher_name", "replace", "keep", "versions",
+        "threads", "resumed", "iterations", "seconds", "alarms", mode="wrap",
+    )(_or_default)  # fmt: skip
+
     @field_validator("method", "algorithm")
     @classmethod
     def _check_name(cls, name: str) -> str:
@@ -124,24 +147,46 @@ class RunRecord(BaseModel):
 
     @classmethod
     def read(cls, files: RunFolder) -> "RunRecord":
-        """Read a run's record, also one of an earlier version.
+        """Read what a run is compared by, also of an earlier version; the rest may be malformed.
 
         Raises:
             CheckpointError: the file is absent or damaged.
         """
-        with reported_as(CheckpointError):
-            record = read_json(files.record)
-        if isinstance(record, dict) and record.get("schema_version") == 1:  # which knew one teacher
-            record["teachers"] = [record["teacher"]] if record.get("teacher") else []
+        return cls._checked(_json_of(files), files)
+
+    @classmethod
+    def read_resumable(cls, files: RunFolder) -> "RunRecord":
+        """Read the record of a run that is to go on: nothing may be absent or malformed.
+
+        Raises:
+            CheckpointError: the file is absent, damaged or of an earlier version.
+        """
+        data = _json_of(files)
+        cls._checked(data, files)
         try:
-            return cls.model_validate(record)
+            record = cls.model_validate(data)
         except ValidationError as error:
-            problem = first_problem(error)
-            if problem.startswith(BEGINNING):
-                raise CheckpointError(
-                    f"{files.record} does not say with what it began: {problem}"
-                ) from error
-            raise CheckpointError(f"{files.record} is damaged: {problem}") from error
+            raise _not_resumable(files, first_problem(error)) from error
+        if problem := record._absent():
+            raise _not_resumable(files, problem)
+        return record
+
+    @classmethod
+    def _checked(cls, data: Any, files: RunFolder) -> "RunRecord":
+        try:
+            return cls.model_validate(data, context=LENIENT)
+        except ValidationError as error:
+            raise CheckpointError(f"{files.record} is damaged: {first_problem(error)}") from error
+
+    def _absent(self) -> str | None:
+        """Name a part that a resumed run needs, and that was left out, as earlier versions did."""
+        absent = [name for name in DECIDED if name not in self.model_fields_set]
+        for m, teacher in enumerate(self.teachers):
+            names = TeacherRecord.model_fields.keys() - teacher.model_fields_set
+            absent += [f"teachers.{m}.{name}" for name in sorted(names)]
+        problems = [f"{name}: Field required" for name in absent]
+        problems += [f"{name!r}" for name in BEGINNING if name not in self.model_fields_set]
+        return problems[0] if problems else None
 
     def write(self, files: RunFolder) -> None:
         """Write the record; the file of new alarms, all of which are in it, is gone then.
@@ -168,25 +213,6 @@ class RunRecord(BaseModel):
         else:
             write_text(files.new_alarms, text)
 
-    def check_resumable(self, files: RunFolder) -> None:
-        """Check that the record holds what a resumed run needs, and earlier versions left out.
-
-        Raises:
-            CheckpointError: a part is absent.
-        """
-        absent = [name for name in DECIDED if name not in self.model_fields_set]
-        for m, teacher in enumerate(self.teachers):
-            names = TeacherRecord.model_fields.keys() - teacher.model_fields_set
-            absent += [f"teachers.{m}.{name}" for name in sorted(names)]
-        if absent:
-            raise CheckpointError(
-                f"{files.record} is of an earlier version or damaged, and cannot be resumed: "
-                f"{absent[0]}: Field required"
-            )
-        for name in BEGINNING:
-            if name not in self.model_fields_set:
-                raise CheckpointError(f"{files.record} does not say with what it began: {name!r}")
-
     def go_on_with(self, versions: Mapping[str, str]) -> list[str]:
         """Note the versions of a resumed run where they differ; return warnings about them."""
         last = self.resumed[-1].versions if self.resumed else self.versions
@@ -201,20 +227,22 @@ class RunRecord(BaseModel):
         return [f"the run goes on with other versions ({', '.join(changed)}): not bit for bit"]
 
 
-def alarms_until(k: int, files: RunFolder, record: RunRecord) -> list[Alarm]:
-    """Return the alarms up to iteration k: those in run.json, and those noted since then.
+def _json_of(files: RunFolder) -> Any:
+    """Return run.json as this version would have it.
 
     Raises:
-        CheckpointError: the file of new alarms cannot be read or is damaged.
+        CheckpointError: the file is absent, or no JSON.
     """
-    data = b""
-    if files.new_alarms.exists():
-        with reported_as(CheckpointError):
-            data = read_bytes(files.new_alarms)
-    *lines, _ = data.split(b"\n")  # the text after the last end of a line is half written
-    try:
-        new = [Alarm.model_validate_json(line) for line in lines]
-    except ValidationError as error:
-        problem = first_problem(error)
-        raise CheckpointError(f"{files.new_alarms} is damaged: {problem}") from error
-    return [alarm for alarm in dict.fromkeys([*record.alarms, *new]) if alarm.iteration <= k]
+    with reported_as(CheckpointError):
+        data = read_json(files.record)
+    if isinstance(data, dict) and data.get("schema_version") == 1:  # which knew one teacher
+        data["teachers"] = [data["teacher"]] if data.get("teacher") else []
+    return data
+
+
+def _not_resumable(files: RunFolder, problem: str) -> CheckpointError:
+    if problem.strip("'").startswith(BEGINNING):
+        return CheckpointError(f"{files.record.name} does not say with what it began: {problem}")
+    return CheckpointError(
+        f"{files.record} is of an earlier version or damaged, and cannot be resumed: {problem}"
+    )

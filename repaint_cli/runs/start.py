@@ -9,6 +9,7 @@ from repaint_cli.errors import NotFound, StoreError, UsageError
 from repaint_cli.files.atomic import check_writable
 from repaint_cli.paths import user_zoo
 from repaint_cli.provenance import stamp
+from repaint_cli.runs.folder import RUNS
 from repaint_cli.runs.plan import Plan, plan_of
 from repaint_cli.runs.reader import read_run
 from repaint_cli.tasks.card import TaskCard
@@ -76,7 +77,7 @@ def plan_resume(
         UsageError: the run is one of the other command, or has more iterations already.
         StoreError: the teacher's name is taken.
     """
-    run = read_run(folder)
+    run = read_run(folder, to_resume=True)
     plan, done = plan_of(run.record, run.task, folder), run.returns.shape[1]
     if for_teacher is not None and (plan.teacher_name is not None) != for_teacher:
         raise UsageError(f"{folder} was begun otherwise; go on with: {plan.resume_command}")
@@ -92,19 +93,6 @@ def plan_resume(
     if done < plan.task.ppo.n_iterations:
         new_teacher_name(name, may_replace)
     return replace(plan, teacher_name=name, replace=may_replace)
-
-
-def seed_list(first: int, how_many: int) -> list[int]:
-    """Return the run seeds.
-
-    Raises:
-        UsageError: the number of seeds is below 1, or the first seed is negative.
-    """
-    if how_many < 1 or first < 0:
-        raise UsageError(
-            f"expected --seeds of at least 1 and --seed of at least 0, found {how_many} and {first}"
-        )
-    return list(range(first, first + how_many))
 
 
 def checked_seeds(seeds: Sequence[int]) -> list[int]:
@@ -128,7 +116,7 @@ def new_folder(folder: str | Path | None, task: str, what: str) -> Path:
     """
     if folder:
         return Path(folder)
-    first = Path("runs") / task / f"{what}-{stamp()}"
+    first = RUNS / task / f"{what}-{stamp()}"
     others = (first.with_name(f"{first.name}-{n}") for n in count(2))
     return next(folder for folder in chain([first], others) if not folder.exists())
 

@@ -22,8 +22,10 @@ from repaint_cli.zoo.teacher_card import TeacherCard, read_card
 
 @dataclass(frozen=True)
 class RunTeachers:
-    """The teachers of a run."""
+    """The teachers of a run, and the task that they are loaded for."""
 
+    target: TaskCard
+    """The target task, which names the teachers' terms, too, where their rewards are needed."""
     cards: tuple[TeacherCard, ...]
     """What their files say of them, (M,)."""
     teachers: tuple[Teacher, ...]
@@ -62,7 +64,7 @@ def load_teachers(
     _check_shares(task, sum(acts), beside)
     _check_relevance(task, spaces)
     teachers, records = list[Teacher](), list[TeacherRecord]()
-    task = with_terms_of(cards, task)
+    task = _with_terms_of(cards, task)
     for path, card, act in zip(paths, cards, acts, strict=True):
         network, _ = store.read_teacher(path, seeds)
         teachers.append(Teacher(network, act, _weights(card, task), cosine(card.task, task)))
@@ -71,7 +73,7 @@ def load_teachers(
                 name=card.name, sha256=sha256(path), instances=act, file=str(path.absolute())
             )
         )
-    return RunTeachers(tuple(cards), tuple(teachers), tuple(records))
+    return RunTeachers(task, tuple(cards), tuple(teachers), tuple(records))
 
 
 def _check_numbers(task: TaskCard, n_teachers: int, n_acting: int) -> None:
@@ -117,7 +119,7 @@ def _check_relevance(task: TaskCard, spaces: Spaces) -> None:
         raise CardError(f"expected vectors to observe with --select rbt, found {spaces}")
 
 
-def with_terms_of(cards: Sequence[TeacherCard], task: TaskCard) -> TaskCard:
+def _with_terms_of(cards: Sequence[TeacherCard], task: TaskCard) -> TaskCard:
     """Return the target with the teachers' terms too, where their own rewards are needed.
 
     That is for selection by relevance; terms that the target does not name weigh 0 in it.
@@ -135,13 +137,14 @@ def _weights(card: TeacherCard, task: TaskCard) -> np.ndarray | None:
     return np.array(card.task.weights(task.reward))
 
 
-def warm_start(student: ActorCritic, loaded: RunTeachers, task: TaskCard) -> None:
+def warm_start(student: ActorCritic, loaded: RunTeachers) -> None:
     """Put the first teacher's weights into every seed of the student.
 
     Raises:
         TeacherMismatch: the teacher's networks are others than the student's.
         CardError: log σ is to be set anew, and the actions are discrete.
     """
+    task = loaded.target
     _check_same_networks(loaded.cards[0], task)
     name, log_std = loaded.cards[0].name, task.transfer.warm_start_log_std
     leaves = dict(weights.policy_tensors(loaded.teachers[0].network, 0))

@@ -1,5 +1,7 @@
 """Sets of choices with a name: `--preset` and `--auto`. Settings as in --set."""
 
+from collections.abc import Sequence
+
 from repaint_cli.errors import UsageError
 from repaint_cli.tasks.methods import METHODS, method_for
 
@@ -15,12 +17,18 @@ PRESETS = {
 """`coach`: what the framework of the paper's experiments does where our defaults differ (RL Coach's
 clipped PPO for MuJoCo), to approach the paper's own baseline."""
 
-UNTIL_MEASURED = 10**6
-"""K where the end of the transfer is measured."""
+AUTOMATIC = {
+    "transfer.phases=auto": ("transfer.phases", "transfer.representation", "transfer.instance"),
+    "transfer.kickstart_schedule=auto": ("transfer.kickstart_schedule", "transfer.kickstart_coef"),
+    "select.rule=auto": ("select.rule", "select.threshold"),
+    "transfer.iterations=1000000": ("transfer.iterations",),  # the end is found long before
+}
+"""Settings with which the ratio, β, ζ and the end of the transfer are measured; a setting of those
+behind them decides it by hand."""
 
 
-def automatic_settings(algorithm: str, method: str | None) -> list[str]:
-    """Return the settings with which β, ζ, the ratio and the end of the transfer are measured.
+def automatic_settings(settings: Sequence[str], algorithm: str, method: str | None) -> list[str]:
+    """Return settings after those of `AUTOMATIC` that they leave to be measured.
 
     Raises:
         NotFound: there is no such algorithm or method.
@@ -29,9 +37,6 @@ def automatic_settings(algorithm: str, method: str | None) -> list[str]:
     name = method_for(algorithm, method)
     if not (METHODS[name].kickstart and METHODS[name].alternates):
         raise UsageError(f"expected method 'repaint' to be automatic, found '{name}'")
-    return [
-        "transfer.phases=auto",
-        "transfer.kickstart_schedule=auto",
-        "select.rule=auto",
-        f"transfer.iterations={UNTIL_MEASURED}",
-    ]
+    by_hand = {setting.partition("=")[0] for setting in settings}
+    automatic = [text for text, deciding in AUTOMATIC.items() if not by_hand.intersection(deciding)]
+    return [*automatic, *settings]

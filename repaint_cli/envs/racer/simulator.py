@@ -130,9 +130,9 @@ class RacerSimulator(Simulator):
             return read_model_metadata(folder / env.pop("model_metadata")) | env
         return env
 
-    def files(self) -> tuple[Path, ...]:
+    def files(self) -> dict[str, Path]:
         """Return the track's file, if it is the user's."""
-        return (Path(self.track),) if self.track.endswith(".npy") else ()
+        return {"track": Path(self.track)} if self.track.endswith(".npy") else {}
 
     @property
     def reward_functions(self) -> RewardFunctions:

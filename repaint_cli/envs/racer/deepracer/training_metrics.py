@@ -1,4 +1,4 @@
-"""TrainingMetrics.json, which grows by an entry per episode: JSON at every moment, appended to."""
+"""TrainingMetrics.json, which grows by an entry per episode and is JSON after every append."""
 
 import json
 from collections.abc import Mapping, Sequence

@@ -1,0 +1,70 @@
+"""How far a run is beside its learner: a part of every checkpoint, read when the run goes on."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from repaint_cli.errors import CheckpointError
+from repaint_cli.runs.alarms import IN_A_ROW
+
+
+@dataclass
+class RunProgress:
+    """How far a run is beside its learner; its size does not grow with the iterations."""
+
+    seconds: float = 0.0
+    """How long the run has taken."""
+    best_return: float = float("-inf")
+    """Mean return of the best evaluated policy so far."""
+    best: tuple[int, int] = (0, 0)
+    """After which iteration it was evaluated, and which of the seeds it is, from 0."""
+    returns: list[np.ndarray] = field(default_factory=list)
+    """Evaluated returns (S, E) after the last iterations, as many as alarms look back."""
+    logs: list[Mapping[str, float]] = field(default_factory=list)
+    """How far each seed's log of its episodes is."""
+    notices: list[str] = field(default_factory=list)
+    """Warnings from reading it."""
+    source: Path | None = None
+    """The checkpoint that it was read from."""
+
+    def add_evaluation(self, k: int, returns: np.ndarray) -> None:
+        """Take in the evaluated returns (S, E) after iteration k."""
+        self.returns = [*self.returns, returns][1 - IN_A_ROW :]
+        means = returns.mean(1)
+        s = int(means.argmax())
+        if means[s] > self.best_return:
+            self.best_return, self.best = float(means[s]), (k, s)
+
+    def as_json(self) -> dict[str, Any]:
+        """Return it as JSON."""
+        return {
+            "seconds": self.seconds,
+            "best_return": self.best_return,
+            "best": self.best,
+            "returns": [returns.tolist() for returns in self.returns],
+            "logs": self.logs,
+        }
+
+    @classmethod
+    def from_notes(cls, notes: Mapping[str, Any], source: Path) -> "RunProgress":
+        """Return the progress in a checkpoint's notes, as `as_json` wrote it.
+
+        Raises:
+            CheckpointError: a part is absent or malformed.
+        """
+        try:
+            past = notes["past"]
+            k, s = map(int, past["best"])
+            return cls(
+                seconds=float(past["seconds"]),
+                best_return=float(past["best_return"]),
+                best=(k, s),
+                returns=[np.array(returns, np.float64) for returns in past["returns"]],
+                logs=[{str(n): float(x) for n, x in log.items()} for log in past["logs"]],
+                source=source,
+            )
+        except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
+            raise CheckpointError(f"{source} tells nothing of its past: {error!s:.200}") from error
