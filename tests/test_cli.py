@@ -355,4 +355,7 @@ def test_compare_draws_no_paths_of_several_places(repaint, home):
     assert repaint("compare", "b", "--trajectories", "--output", "paths.png").code == 0
     only_races = repaint("eval", "b", "--colour", "reward")
     assert "expected --colour with a racing task, found 'reacher'; leave it out" in only_races.err
+    unknown = repaint("eval", "a", "--colour", "height")
+    assert unknown.code == 2
+    assert unknown.err == "error: expected --colour speed or reward, found 'height'\n"
     assert (home / "paths.png").exists()

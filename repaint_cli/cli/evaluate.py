@@ -2,7 +2,7 @@
 
 import shlex
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 from repaint_cli.cli.option_rules import parsed_into, settings_of
 from repaint_cli.cli.option_values import seed_list
@@ -60,7 +60,7 @@ class EvaluateOptions(NamedTuple):
         ),
     ] = None
     colour: Annotated[
-        Literal["speed", "reward"] | None,
+        str | None,
         option(
             WRITE,
             "NAME",

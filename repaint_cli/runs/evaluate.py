@@ -71,18 +71,22 @@ def check_simulator(
     """Check that a task's simulator has noise, logs and colours where they are asked for.
 
     Raises:
-        CardError: the simulator has no noise, no logs, or no such colour.
+        CardError: the simulator has no noise, no logs or no colours.
+        UsageError: it has other colours.
     """
+    colours = card.env.paths.colours if card.env.paths else {}
     known = {
         "--noise": not noise or card.env.has_noise,
         "--simtrace": not log_folder or card.env.logs is not None,
-        "--colour": not colour or (card.env.paths is not None and colour in card.env.paths.colours),
+        "--colour": not colour or bool(colours),
     }
     for option, fits in known.items():
         if not fits:
             raise CardError(
                 f"expected {option} with a racing task, found '{card.name}'; leave it out"
             )
+    if colour and colour not in colours:
+        raise UsageError(f"expected --colour {' or '.join(colours)}, found '{colour:.60}'")
 
 
 def evaluate_policy(
