@@ -160,7 +160,7 @@ def evaluate(
     `policy` is a run's folder, a teacher's name or its file, the newest run where absent; the task,
     the episodes' number and seed are its own where absent. `keep_observations` is for the film of a
     race. Some simulators have noise ("none" or "paper"), log episodes into `log_folder`, or colour
-    paths in several ways. `on_episodes` is called with policies and episodes before all is written.
+    paths in several ways. `on_episodes` gets policies and episodes before anything is written.
     """
     from repaint_cli.runs.evaluate import check_simulator, evaluate_policy
     from repaint_cli.runs.find_policies import find_policies, with_settings
@@ -221,8 +221,7 @@ def compare(
     from repaint_cli.runs.compare import compare_runs
 
     runs = [Path(folder) for folder in _listed(folders, "folders")]
-    file, place = (Path(name) if name else None for name in (picture, report))
-    return compare_runs(runs, reference, target, file, place, on_comparison)
+    return compare_runs(runs, reference, target, picture, report, on_comparison)
 
 
 def play_runs(

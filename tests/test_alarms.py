@@ -100,6 +100,12 @@ def test_the_newest_run_from_scratch_beside_a_run_is_its_reference(repaint, home
     assert reference_beside(folder, card, "ppo").shape == (2, 2)
     assert reference_beside(folder, card, "q-learning") is None
     assert reference_beside(folder, read_task("reacher"), "ppo") is None
+    for name in ("one", "newest"):  # as schema 1 had it
+        path = home / "runs" / name / "run.json"
+        record = json.loads(path.read_text())
+        del record["algorithm"]
+        path.write_text(json.dumps(record))
+    assert reference_beside(folder, card, "ppo") is None
 
 
 def test_alarms_are_in_the_log_and_in_the_record(repaint, home):

@@ -11,6 +11,7 @@ import gymnasium
 import matplotlib
 import numpy as np
 import pytest
+import torch
 from numpy.testing import assert_allclose, assert_array_equal
 from small_runs import QUICK, QUICK_LAP, add_teacher, files_below
 
@@ -28,6 +29,7 @@ from repaint_cli.errors import (
 from repaint_cli.paths import PACKAGE
 from repaint_cli.policies.spaces import Spaces
 from repaint_cli.report import style  # noqa: F401  whose import must leave matplotlib alone
+from repaint_cli.runs import experiment
 from repaint_cli.runs.carry_out import Watcher
 
 SETTINGS = ["ppo.n_steps=204", "ppo.n_envs=4", "ppo.n_epochs=1", "eval.episodes=2"]
@@ -153,6 +155,64 @@ def test_q_learning_is_an_algorithm(home):
     )  # fmt: skip
     assert trained.run.label == "q-learning scratch"
     assert trained.run.returns.shape == (1, 1)
+
+
+@pytest.mark.parametrize(
+    ("by_hand", "kept"),
+    [
+        ("transfer.kickstart_coef=0.2", {"kickstart_schedule": "geometric", "phases": "auto"}),
+        ("transfer.instance=2", {"kickstart_schedule": "auto", "phases": "ratio"}),
+        ("transfer.iterations=5", {"kickstart_schedule": "auto", "iterations": 5}),
+        ("transfer.kickstart_decay=0.5", {"kickstart_schedule": "auto", "iterations": 10**6}),
+    ],
+)
+def test_auto_leaves_alone_what_is_set_by_hand(repaint, home, old_hand, by_hand, kept):
+    settings = [*SETTINGS, by_hand]
+    called = repaint_cli.transfer(
+        "reacher", ["old-hand"], auto=True, iterations=1, settings=settings, folder="called"
+    )
+    words = ["--task", "reacher", "--teacher", "old-hand", *QUICK, "--iterations", 1]
+    assert repaint("transfer", *words, "--auto", "--set", by_hand, "--run", "typed").code == 0
+    record = json.loads((home / "typed" / "run.json").read_text())
+    assert called.run.task.model_dump(mode="json") == record["task"]
+    assert kept.items() <= record["task"]["transfer"].items()
+
+
+def test_the_number_of_threads_stays_the_callers(home):
+    class Threads(Watcher):
+        def __init__(self):
+            self.numbers = []
+
+        def show(self, report, alarms):
+            self.numbers.append(torch.get_num_threads())
+
+    before, watcher = torch.get_num_threads(), Threads()
+    folder = repaint_cli.transfer("reacher", method="scratch", watcher=watcher, **SHORT).run.folder
+    path = folder / "run.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | {"threads": before + 1}))
+    repaint_cli.resume(folder, iterations=3, watcher=watcher)
+    assert watcher.numbers == [before, before, before + 1]
+    assert torch.get_num_threads() == before
+
+
+def test_methods_that_are_interrupted_are_not_drawn(home, monkeypatch):
+    real, calls = experiment.save_checkpoint, []
+
+    def interrupted(*args):
+        calls.append(args)
+        if len(calls) == 2:
+            raise KeyboardInterrupt
+        real(*args)
+
+    monkeypatch.setattr(experiment, "save_checkpoint", interrupted)
+    card = repaint_cli.load_task("reacher").with_settings(["ppo.n_iterations=2", *SETTINGS])
+    with pytest.raises(KeyboardInterrupt):
+        list(repaint_cli.train_methods(card, ["scratch"], seeds=[0]))
+    (folder,) = home.glob("runs/reacher/*/scratch")
+    names = {path.name for path in folder.iterdir()}
+    assert names == {
+        "run.json", "metrics.csv", "checkpoint.safetensors", "best.safetensors", "evaluations"
+    }  # fmt: skip
 
 
 class Notes(Watcher):

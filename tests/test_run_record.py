@@ -11,8 +11,10 @@ from repaint_cli.errors import CheckpointError
 from repaint_cli.runs import record
 from repaint_cli.runs.alarms import alarms_until
 from repaint_cli.runs.folder import RunFolder
+from repaint_cli.runs.plan import Plan, difference
 from repaint_cli.runs.reader import read_run
 from repaint_cli.runs.record import Alarm, RunRecord, TeacherRecord
+from repaint_cli.runs.teachers import RunTeachers
 from repaint_cli.tasks.card_files import read_task
 
 CARD = read_task("reacher").model_dump(mode="json")
@@ -28,6 +30,7 @@ SECOND = {
     "alarms": [{"iteration": 2, "kind": "nothing-kept", "text": "iteration 2: no teacher"}],
     "seconds": 12,
 }  # fmt: skip
+NO_TEACHERS = RunTeachers(read_task("racer-inner"), (), (), ())
 TABLE = "iteration,seed,eval_return,eval_progress,env_steps,kickstart_coef,kept_fraction,seconds\n"
 
 
@@ -146,3 +149,67 @@ def test_files_that_grow_are_appended_to_and_no_others_grow(repaint, home):
         assert path.stat().st_size > len(data)
     assert abs((home / "run" / "checkpoint.safetensors").stat().st_size - size) < 64  # digits
     assert len(json.loads(metrics.read_text())["metrics"]) == 4 * (3 + 2)
+
+
+ODD = [
+    ({"seconds": None}, "run.json is of an earlier version or damaged.*: seconds: "),
+    ({"alarms": [{"iteration": "x"}]}, "damaged, and cannot be resumed: alarms.0.iteration: "),
+    ({"keep": 0}, "damaged, and cannot be resumed: keep: "),
+    ({"schema_version": "3"}, "damaged, and cannot be resumed: schema_version: "),
+    ({"state": 3, "transfer": None, "replace": "no", "iterations": -1}, "cannot be resumed: state"),
+    ({"threads": 0}, "^run.json does not say with what it began: threads: "),
+    ({"versions": None}, "^run.json does not say with what it began: versions: "),
+    ({"teachers": [TEACHER | {"instances": None}]}, "cannot be resumed: teachers.0.instances: "),
+]
+
+
+@pytest.mark.parametrize(("changes", "message"), ODD)
+def test_what_only_a_resumed_run_needs_may_be_odd_where_runs_are_compared(
+    tmp_path, changes, message
+):
+    _, files = begun(tmp_path, keep=2)
+    data = json.loads(files.record.read_text()) | changes
+    files.record.write_text(json.dumps(data))
+    files.metrics.write_text(TABLE)
+    run = read_run(tmp_path)
+    assert (run.method, run.seeds) == ("scratch", [0])
+    with pytest.raises(CheckpointError, match=message):
+        read_run(tmp_path, to_resume=True)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{"method": "magic"}, {"seeds": [0, 0]}, {"seeds": ["0"]}, {"teachers": [{}]}, {"task": 1},
+     {"automatic": "yes"}, {"algorithm": None}],
+)  # fmt: skip
+def test_what_runs_are_compared_by_is_checked(tmp_path, changes):
+    _, files = begun(tmp_path)
+    files.record.write_text(json.dumps(json.loads(files.record.read_text()) | changes))
+    for to_resume in (False, True):
+        with pytest.raises(CheckpointError, match=r"run\.json is damaged: "):
+            read_run(tmp_path, to_resume=to_resume)
+
+
+@pytest.mark.parametrize("name", ["versions", "threads", "resumed"])
+def test_a_run_that_does_not_say_with_what_it_began_is_not_resumed(tmp_path, name):
+    _, files = begun(tmp_path)
+    data = json.loads(files.record.read_text())
+    del data[name]
+    files.record.write_text(json.dumps(data))
+    message = f"^run.json does not say with what it began: '{name}'$"
+    with pytest.raises(CheckpointError, match=message):
+        RunRecord.read_resumable(files)
+
+
+def test_every_file_of_the_user_s_identifies_a_run(tmp_path, monkeypatch):
+    plan = Plan(read_task("racer-inner"), "scratch", [0], tmp_path)
+    names = {"track": tmp_path / "a.npy", "map": tmp_path / "b.npy"}
+    for path in names.values():
+        path.write_text(path.name)
+    assert "track" not in plan.identity(NO_TEACHERS)
+    monkeypatch.setattr(type(plan.task.env), "files", lambda _: names)
+    before = plan.identity(NO_TEACHERS)
+    names["map"].write_text("other")
+    after = plan.identity(NO_TEACHERS)
+    assert difference(before, after).startswith("map ")
+    assert before["track"] == after["track"]

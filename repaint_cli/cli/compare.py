@@ -23,6 +23,19 @@ def compare(options: CompareOptions) -> None:
         repaint compare runs/reacher/* --report report
         repaint compare --task reacher --teacher reacher-gentle --jobs 2
     """
+    target = parse_target(options.target)
+    check_together(options)
+    folders = list(options.folders or [])
+    if options.task:
+        folders += _train(options, folders)
+    if options.trajectories:
+        _play(folders, options.output or Path("compare-trajectories.png"), options.json)
+    else:
+        _compare(options, folders, target)
+
+
+def _compare(options: CompareOptions, folders: list[Path], target: float | None) -> None:
+    """Compare runs by their returns; print the numbers before anything is written."""
     import repaint_cli
     from repaint_cli.cli.comparison_table import print_comparison
     from repaint_cli.cli.screen import print_written
@@ -34,13 +47,6 @@ def compare(options: CompareOptions) -> None:
         else:
             print_comparison(comparison)
 
-    target = parse_target(options.target)
-    check_together(options)
-    folders = list(options.folders or [])
-    if options.task:
-        folders += _train(options, folders)
-    if options.trajectories:
-        return _play(folders, options.output or Path("compare-trajectories.png"), options.json)
     compared = repaint_cli.compare(
         folders,
         reference=options.reference or REFERENCE,
@@ -51,7 +57,6 @@ def compare(options: CompareOptions) -> None:
     )
     if not options.json:
         print_written(compared.written, "repaint transfer --help")
-    return None
 
 
 def _train(options: CompareOptions, folders: list[Path]) -> list[Path]:

@@ -61,8 +61,8 @@ def compare_runs(
     folders: Sequence[Path],
     reference: str | Path | None = None,
     target: float | None = None,
-    picture: Path | None = None,
-    report: Path | None = None,
+    picture: str | Path | None = None,
+    report: str | Path | None = None,
     on_comparison: OnComparison | None = None,
 ) -> ComparedRuns:
     """Compare runs of one task, and draw their curves or write a report; see `repaint_cli.compare`.
@@ -77,8 +77,8 @@ def compare_runs(
     if on_comparison:
         on_comparison(comparison)
     if report:
-        return ComparedRuns(runs, comparison, write_report(runs, comparison, report))
-    picture = picture or Path("compare.png")
+        return ComparedRuns(runs, comparison, write_report(runs, comparison, Path(report)))
+    picture = Path(picture or "compare.png")
     draw_curves(runs, picture, title_of(comparison), comparison.target)
     return ComparedRuns(runs, comparison, [picture])
 
