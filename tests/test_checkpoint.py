@@ -84,6 +84,16 @@ def test_what_relevance_and_automatic_transfer_go_by_is_kept(tmp_path):
     assert equal(copies(straight.student), copies(resumed.student))
 
 
+def test_a_part_of_another_shape_is_refused(tmp_path):
+    learner, task = learner_of(reach(), [0]), with_transfer(reach(), TransferConfig())
+    course = course_for(task, learner, teachers_of(untrained_teacher(task, 2)))
+    save_learner(tmp_path / "it", learner, course, {})
+    tensors, notes = load(tmp_path / "it")
+    save(tmp_path / "it", tensors | {"after_instance": torch.zeros(2)}, notes)
+    with pytest.raises(CheckpointError, match="lacks a part or has a wrong one"):
+        load_learner(tmp_path / "it", learner, course)
+
+
 @TASKS
 def test_networks_alone_can_be_read_from_a_learner(tmp_path, make):
     learner, other = learner_of(make(), [0, 1]), learner_of(make(), [7, 8])

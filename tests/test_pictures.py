@@ -75,6 +75,8 @@ def test_a_trainings_pictures_are_drawn_from_its_logs(plotted, tmp_path):
     assert evaluated.tolist() == [7, 8, 9]
     assert plotted["plot_heatmap"][0] == drives
     assert json.loads((log.folder / "metrics" / "TrainingMetrics.json").read_text())
+    rows["eval_progress"] = np.full((2, 3), np.nan)  # as in a damaged metrics.csv
+    assert figures.draw_training(RecordedRun(RunFolder(tmp_path), record, TASK, rows)) == []
 
 
 def test_the_table_has_laps_and_crashes_with_intervals():

@@ -39,7 +39,6 @@ def _compare(options: CompareOptions, folders: list[Path], target: float | None)
     import repaint_cli
     from repaint_cli.cli.comparison_table import print_comparison
     from repaint_cli.cli.screen import print_written
-    from repaint_cli.runs.comparison import REFERENCE
 
     def show(comparison: "Comparison") -> None:
         if options.json:
@@ -49,7 +48,7 @@ def _compare(options: CompareOptions, folders: list[Path], target: float | None)
 
     compared = repaint_cli.compare(
         folders,
-        reference=options.reference or REFERENCE,
+        reference=options.reference,
         target=target,
         picture=options.output,
         report=options.report,

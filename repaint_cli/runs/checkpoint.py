@@ -62,7 +62,7 @@ def load_learner(path: Path, learner: Learner, course: Course) -> dict[str, Any]
         raise CheckpointError(f"{path} holds seeds {seeds:.100}, wanted {learner.seeds}")
     try:
         _put(path, tensors, notes, learner, course)
-    except (KeyError, TypeError, ValueError, OverflowError) as error:
+    except (LookupError, TypeError, ValueError, OverflowError) as error:
         raise CheckpointError(f"{path} lacks a part or has a wrong one: {error!s:.200}") from error
     return notes
 

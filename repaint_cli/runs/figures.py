@@ -87,6 +87,7 @@ def draw_trajectories(
 
     `colour` says what colours the paths; "" is the simulator's default.
     """
+    panels = [panel for panel in panels if panel[1].paths is not None]
     if task.env.paths is None or not panels:
         return False
     task.env.paths.draw(panels, path, title, colour)

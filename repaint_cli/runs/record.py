@@ -166,9 +166,11 @@ class RunRecord(BaseModel):
         try:
             record = cls.model_validate(data)
         except ValidationError as error:
-            raise _not_resumable(files, first_problem(error)) from error
-        if problem := record._absent():
-            raise _not_resumable(files, problem)
+            place = str(error.errors()[0]["loc"][0])
+            raise _not_resumable(files, place, first_problem(error)) from error
+        if name := record._absent():
+            problem = repr(name) if name in BEGINNING else f"{name}: Field required"
+            raise _not_resumable(files, name, problem)
         return record
 
     @classmethod
@@ -184,9 +186,8 @@ class RunRecord(BaseModel):
         for m, teacher in enumerate(self.teachers):
             names = TeacherRecord.model_fields.keys() - teacher.model_fields_set
             absent += [f"teachers.{m}.{name}" for name in sorted(names)]
-        problems = [f"{name}: Field required" for name in absent]
-        problems += [f"{name!r}" for name in BEGINNING if name not in self.model_fields_set]
-        return problems[0] if problems else None
+        absent += [name for name in BEGINNING if name not in self.model_fields_set]
+        return absent[0] if absent else None
 
     def write(self, files: RunFolder) -> None:
         """Write the record; the file of new alarms, all of which are in it, is gone then.
@@ -240,8 +241,8 @@ def _json_of(files: RunFolder) -> Any:
     return data
 
 
-def _not_resumable(files: RunFolder, problem: str) -> CheckpointError:
-    if problem.strip("'").startswith(BEGINNING):
+def _not_resumable(files: RunFolder, name: str, problem: str) -> CheckpointError:
+    if name in BEGINNING:
         return CheckpointError(f"{files.record.name} does not say with what it began: {problem}")
     return CheckpointError(
         f"{files.record} is of an earlier version or damaged, and cannot be resumed: {problem}"

@@ -68,8 +68,10 @@ def _resolve_files(data: dict[str, Any], basis: dict[str, Any], folder: Path) ->
     env, ppo = (data.get(section) for section in ("env", "ppo"))
     if isinstance(env, dict):
         name = env.get("simulator", basis.get("env", {}).get("simulator"))
+        kind = None
         with suppress(ValueError):  # an unknown simulator, which the card's check refuses
             kind = simulator_class(name)
+        if kind:
             data["env"] = kind.resolve_files(env, folder)
     if isinstance(ppo, dict) and isinstance(ppo.get("hyperparameters"), str):
         settings = read_hyperparameters(folder / ppo.pop("hyperparameters"))

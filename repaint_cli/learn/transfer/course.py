@@ -234,4 +234,4 @@ class Course(ABC):
             KeyError: a tensor is missing.
         """
         self.last = OwnBatch.of_state(state)
-        self.after_instance = bool(state["after_instance"])
+        self.after_instance = bool(state["after_instance"].numpy().item())

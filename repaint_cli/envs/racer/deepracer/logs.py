@@ -67,5 +67,6 @@ class DeepRacerLogs(LogFormat):
         from repaint_cli.envs.racer.figures import draw_training
 
         log = self.folders(run, seeds)[0]
-        assert progress is not None
+        if progress is None:  # a damaged metrics.csv
+            return []
         return draw_training(self._env, run, log, progress[0], title)
