@@ -21,8 +21,9 @@ check: $(STAMP)
 	$(BIN)/ruff check
 	$(BIN)/mypy
 
+# On two cores, since half of the tests are processes that are started or killed.
 test: check
-	$(BIN)/pytest
+	$(BIN)/pytest --numprocesses 2 --dist worksteal
 
 test-slow: $(STAMP)
 	$(BIN)/pytest -m slow

@@ -431,7 +431,7 @@ TYPED = [
     ("similarity", ["similarity", "reacher", "reacher-away"], {}),
     ("train_methods", ["compare", "--task", "reacher", "--methods", "scratch", "--jobs", 2], {}),
     ("compare", ["compare", "one", "two", "--target", "5", "--report", "report"],
-     {"target": 5.0, "reference": "scratch", "report": Path("report")}),
+     {"target": 5.0, "reference": None, "report": Path("report")}),
     ("play_runs", ["compare", "one", "two", "--trajectories"], {}),
 ]  # fmt: skip
 
