@@ -90,8 +90,8 @@ def test_the_transfer_ends_when_two_own_iterations_in_a_row_had_no_beta():
 def test_the_share_that_is_kept_by_hand():
     found = measured()
     found.add_advantages(batch([0.0, 1.0, 2.0, 3.0]))
-    for theirs, share in (([5.0, 6.0], 1.0), ([-5.0, -6.0], 0.0), ([1.0, 2.0], 0.0)):
-        assert found.shares(batch(theirs)).item() == pytest.approx(share, abs=0.02)
+    for advantages, share in (([5.0, 6.0], 1.0), ([-5.0, -6.0], 0.0), ([1.0, 2.0], 0.0)):
+        assert found.shares(batch(advantages)).item() == pytest.approx(share, abs=0.02)
     # of quantiles from 0 to 3, half lie below 1.5: P(Â′ > Â) = (½ + 1)/2
     assert found.shares(batch([1.5, 9.0])).item() == pytest.approx(0.5, abs=0.02)
 

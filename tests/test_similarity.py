@@ -121,7 +121,7 @@ try:
     main()
 except SystemExit as end:
     assert not end.code, end.code
-loaded = {{"torch", "numba", "mujoco", "gymnasium", "matplotlib"}} & set(sys.modules)
+loaded = {{"torch", "numba", "mujoco", "gymnasium", "matplotlib", "numpy"}} & set(sys.modules)
 assert not loaded, loaded
 """
     subprocess.run([sys.executable, "-c", code], check=True, capture_output=True)

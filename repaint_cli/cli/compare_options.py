@@ -35,57 +35,57 @@ class CompareOptions(NamedTuple):
     teacher: Annotated[
         list[str] | None,
         option(TRAINED, "TEACHER", "A teacher's name or file; again for several."),
-        Rule(beside=WITH_TASK),
+        Rule(options=WITH_TASK),
     ] = None
     methods: Annotated[
         str | None,
         option(TRAINED, "METHOD,...", f"Methods, with commas between. Default: {DEFAULT_METHODS}."),
-        Rule(beside=WITH_TASK),
+        Rule(options=WITH_TASK),
     ] = None
     seeds: Annotated[
         int | None,
         option(TRAINED, "INT", "How many seeds of each method. Default: 3."),
-        Rule(beside=WITH_TASK),
+        Rule(options=WITH_TASK),
     ] = None
     seed: Annotated[
         int | None,
         option(TRAINED, "INT", "The first seed; the others follow it. Default: 0."),
-        Rule(beside=WITH_TASK),
+        Rule(options=WITH_TASK),
     ] = None
     iterations: Annotated[
         int | None,
         option(TRAINED, "INT", "Iterations of training. Default: the card's."),
-        Rule("ppo.n_iterations", beside=WITH_TASK),
+        Rule("ppo.n_iterations", options=WITH_TASK),
     ] = None
     jobs: Annotated[
         int | None,
         option(TRAINED, "INT", "How many runs at a time. Default: 1."),
-        Rule(beside=WITH_TASK),
+        Rule(options=WITH_TASK),
     ] = None
     set: Annotated[
         list[str] | None,
         option(TRAINED, "SECTION.KEY=VALUE", "A setting of the card; again for several."),
-        Rule(list, beside=WITH_TASK),
+        Rule(list, options=WITH_TASK),
     ] = None
     target: Annotated[
         str,
         option(COMPARED, "FLOAT", "The score to reach; auto is the reference's best mean."),
-        Rule(beside=OF_RETURNS),
+        Rule(options=OF_RETURNS),
     ] = "auto"
     reference: Annotated[
         str | None,
         option(COMPARED, "RUN", "The run or method to compare others with. Default: scratch."),
-        Rule(beside=OF_RETURNS),
+        Rule(options=OF_RETURNS),
     ] = None
     report: Annotated[
         Path | None,
         option(WRITE, "FOLDER", "A folder for figures, tables and a page that explains them."),
-        Rule(beside=OF_RETURNS),
+        Rule(options=OF_RETURNS),
     ] = None
     output: Annotated[
         Path | None,
         option(WRITE, "FILE", "The picture. Default: compare.png."),
-        Rule(beside=WITHOUT_REPORT),
+        Rule(options=WITHOUT_REPORT),
     ] = None
     json: AsJson = False
     trajectories: Annotated[

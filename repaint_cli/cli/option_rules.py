@@ -52,7 +52,7 @@ class Rule(NamedTuple):
     """Methods that use it."""
     algorithms: Collection[str] = tuple(ALGORITHMS)
     """Algorithms that use it."""
-    beside: Condition | None = None
+    options: Condition | None = None
     """What must hold of the other options."""
     card: Condition | None = None
     """What must hold of the card, unless the option is "auto" or the algorithm Q-learning."""
@@ -141,8 +141,8 @@ def check_together(options: NamedTuple) -> None:
         UsageError: such an option is given.
     """
     for name, rule, _ in given(options):
-        if rule.beside:
-            rule.beside.check(name, options)
+        if rule.options:
+            rule.options.check(name, options)
 
 
 def check_card(options: NamedTuple, card: "TaskCard", algorithm: str) -> None:

@@ -101,7 +101,7 @@ class TransferOptions(NamedTuple):
         option(
             HOW, "RULE", "Which teacher samples to keep: zeta, abs, top, per, rbt, all or auto."
         ),
-        Rule("select.rule", methods=INSTANCE, algorithms=("ppo",), beside=ONE_SELECTION),
+        Rule("select.rule", methods=INSTANCE, algorithms=("ppo",), options=ONE_SELECTION),
     ] = None
     threshold: Annotated[
         str | None,

@@ -36,7 +36,7 @@ SOURCES: "dict[str, Callable[[Path, TaskCard], tuple[Imported, bool]]]" = {
     "sb3": _read_sb3,
     "cleanrl": _read_cleanrl,
 }
-"""Other libraries, and what reads a policy of theirs: from its file and the card of its task, into
+"""Other libraries, and what reads their policies: from a file and the card of its task, into
 the policy, and whether it was trained on normalised observations."""
 
 

@@ -1,7 +1,8 @@
 """The interface of a simulator: everything that a command needs of one.
 
 A card's [env] section is a simulator with its settings. A new one subclasses `Simulator` and has a
-line in `registry.REGISTRY`. **S** seeds · **N** environments, **E** episodes a seed.
+line in `registry.REGISTRY`. Importing this brings no arrays, which `similarity` can do without.
+**S** seeds · **N** environments, **E** episodes a seed.
 """
 
 from abc import ABC, abstractmethod
@@ -9,15 +10,16 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
-from repaint_cli.envs.episodes import Column, Episodes
-from repaint_cli.envs.logs import LogFormat
-from repaint_cli.envs.paths import PathFormat
-from repaint_cli.envs.reward_functions import RewardFunctions
 from repaint_cli.errors import RenderError
 from repaint_cli.settings import EvalConfig, Settings
 
 if TYPE_CHECKING:
     from gymnasium.vector import VectorEnv
+
+    from repaint_cli.envs.episodes import Column, Episodes
+    from repaint_cli.envs.logs import LogFormat
+    from repaint_cli.envs.paths import PathFormat
+    from repaint_cli.envs.reward_functions import RewardFunctions
 
     Environments = VectorEnv[Any, Any, Any]
 
@@ -133,7 +135,7 @@ class Simulator(Settings, ABC):
         return None
 
     @property
-    def reward_functions(self) -> RewardFunctions | None:
+    def reward_functions(self) -> "RewardFunctions | None":
         """A user's own reward functions as the reward, or None where it takes none."""
         return None
 
@@ -152,11 +154,13 @@ class Simulator(Settings, ABC):
     score_episodes: ClassVar[int] = 100
     """Episodes in a teacher's score."""
 
-    def columns(self, episodes: Episodes, s: int) -> list[Column]:
+    def columns(self, episodes: "Episodes", s: int) -> "list[Column]":
         """Return the columns of a table of the episodes of seed s, beside their return."""
+        from repaint_cli.envs.episodes import Column
+
         return [Column("length", episodes.lengths[s], "mean")]
 
-    def outcomes(self, episodes: Episodes) -> dict[str, Any]:
+    def outcomes(self, episodes: "Episodes") -> dict[str, Any]:
         """Return the outcomes of episodes, beside returns and lengths, as JSON."""
         return {}
 
@@ -168,7 +172,7 @@ class Simulator(Settings, ABC):
         return self.simulator
 
     @property
-    def paths(self) -> PathFormat | None:
+    def paths(self) -> "PathFormat | None":
         """How its episodes' paths are found and drawn, or None where they lead along none."""
         return None
 
@@ -183,7 +187,7 @@ class Simulator(Settings, ABC):
         """Return the settings whose episodes can be played again, for a film."""
         return self
 
-    def film(self, episodes: Episodes, path: Path, title: str, n_episodes: int) -> None:
+    def film(self, episodes: "Episodes", path: Path, title: str, n_episodes: int) -> None:
         """Film the first seed's first episodes.
 
         Raises:
@@ -195,6 +199,6 @@ class Simulator(Settings, ABC):
     # Logs
 
     @property
-    def logs(self) -> LogFormat | None:
+    def logs(self) -> "LogFormat | None":
         """Its own format of logs, or None."""
         return None

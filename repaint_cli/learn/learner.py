@@ -41,7 +41,7 @@ class Learner:
         return cls(student, optimizer, seeds, 0, np.zeros(n, int))
 
     def collect(
-        self, card: TaskCard, k: int, policy: Policy | None = None, *, beside: int = 0
+        self, card: TaskCard, k: int, policy: Policy | None = None, *, n_teachers: int = 0
     ) -> Rollout:
         """Let the students act, as many steps or episodes as the card says.
 
@@ -49,13 +49,13 @@ class Learner:
             card: the target task.
             k: the iteration.
             policy: how they act; by their policies where absent.
-            beside: how many teachers act in the same iteration and share its steps.
+            n_teachers: how many teachers act in the same iteration and share its steps.
         """
         ppo = card.ppo
         return self._roll(
             card, k, policy or self.student.policy, (Purpose.TRAIN, Purpose.ACT),
-            n_steps=None if ppo.n_episodes else even_share(ppo.n_steps or 0, 0, 1 + beside),
-            n_envs=ppo.n_episodes or max(1, ppo.n_envs // (1 + beside)),
+            n_steps=None if ppo.n_episodes else even_share(ppo.n_steps or 0, 0, 1 + n_teachers),
+            n_envs=ppo.n_episodes or max(1, ppo.n_envs // (1 + n_teachers)),
             whole=ppo.whole_episodes, record=card.env.records,
         )  # fmt: skip
 
@@ -67,7 +67,7 @@ class Learner:
         *,
         which: int = 0,
         of: int = 1,
-        beside: int = 0,
+        student_acts: bool = False,
     ) -> Rollout:
         """Let a teacher act, one of several that share an iteration's steps or episodes.
 
@@ -77,13 +77,13 @@ class Learner:
             policy: the teacher's.
             which: its number, from 0.
             of: how many teachers there are.
-            beside: 1 where the student acts in the same iteration.
+            student_acts: whether the student acts in the same iteration, and shares its steps.
         """
-        ppo, sharing = card.ppo, of + beside
+        ppo, sharing = card.ppo, of + student_acts
         if ppo.n_episodes:
             n_steps, n_envs = None, even_share(card.transfer.teacher_episodes, which, of)
         else:
-            n_steps = even_share(ppo.n_steps or 0, which + beside, sharing)
+            n_steps = even_share(ppo.n_steps or 0, which + student_acts, sharing)
             n_envs = max(1, ppo.n_envs // sharing)
         return self._roll(
             card, k, policy, (Purpose.TEACHER, Purpose.ACT_AS_TEACHER), stream=which,

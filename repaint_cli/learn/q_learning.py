@@ -72,12 +72,14 @@ def _collect(
         The students' rollout, and the transitions of all.
     """
     policy = epsilon_greedy(learner.student, epsilon(k, card.q_learning))
-    rollout = learner.collect(card, k, policy, beside=len(actors))
+    rollout = learner.collect(card, k, policy, n_teachers=len(actors))
     learner.update_normalizer(rollout)
     batches = [_experience(card, rollout, from_teacher=False)]
     for actor in actors:
         policy = soften(actor.teacher.network, card.transfer)
-        taught = learner.collect_teacher(card, k, policy, which=actor.which, of=actor.of, beside=1)
+        taught = learner.collect_teacher(
+            card, k, policy, which=actor.which, of=actor.of, student_acts=True
+        )
         batches.append(_experience(card, taught, from_teacher=True))
         if card.transfer.teacher_statistics:
             learner.update_normalizer(taught)

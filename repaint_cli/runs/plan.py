@@ -88,7 +88,7 @@ class Plan:
             q_learning.check_actions(task, spaces)
         paths = self.teachers if METHODS[self.method].needs_teacher else ()
         seeds = len(self.seeds)
-        return spaces, load_teachers(paths, self.acting, task, spaces, seeds, beside=int(by_q))
+        return spaces, load_teachers(paths, self.acting, task, spaces, seeds, student_acts=by_q)
 
     def new_record(self, teachers: RunTeachers) -> RunRecord:
         """Return the record of the run at its beginning."""

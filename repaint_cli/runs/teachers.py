@@ -40,7 +40,7 @@ def load_teachers(
     task: TaskCard,
     spaces: Spaces,
     seeds: int,
-    beside: int = 0,
+    student_acts: bool = False,
 ) -> RunTeachers:
     """Load teachers for a task.
 
@@ -50,7 +50,7 @@ def load_teachers(
         task: the target task, with what the method leaves of its transfer settings.
         spaces: what its policies read and write.
         seeds: S.
-        beside: 1 where the student acts in the teachers' iterations, too, and shares their steps.
+        student_acts: whether the student acts in the teachers' iterations, and shares their steps.
 
     Raises:
         TeacherMismatch: a teacher does not fit the task, with a line for each.
@@ -61,7 +61,7 @@ def load_teachers(
     store.check_fits(cards, task, spaces)
     acts = [acting is None or path in acting for path in paths]
     _check_numbers(task, len(paths), sum(acts))
-    _check_shares(task, sum(acts), beside)
+    _check_shares(task, sum(acts), student_acts)
     _check_relevance(task, spaces)
     teachers, records = list[Teacher](), list[TeacherRecord]()
     task = _with_terms_of(cards, task)
@@ -91,7 +91,7 @@ def _check_numbers(task: TaskCard, n_teachers: int, n_acting: int) -> None:
         )
 
 
-def _check_shares(task: TaskCard, n_acting: int, beside: int) -> None:
+def _check_shares(task: TaskCard, n_acting: int, student_acts: bool) -> None:
     """Check that each share of an iteration's steps is longer than an episode.
 
     Raises:
@@ -99,7 +99,7 @@ def _check_shares(task: TaskCard, n_acting: int, beside: int) -> None:
     """
     if task.ppo.n_steps is None or task.ppo.n_episodes or not (task.transfer.instance and n_acting):
         return
-    sharing, need = n_acting + beside, task.env.longest_episode() + 1
+    sharing, need = n_acting + student_acts, task.env.longest_episode() + 1
     if task.ppo.n_steps // sharing < need:
         raise CardError(
             f"expected ppo.n_steps of at least {sharing * need}, which {sharing} share, each with "

@@ -2,16 +2,18 @@
 
 import tomllib
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pydantic import ValidationError, field_validator
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
-from repaint_cli.envs.logs import LoggedRun
 from repaint_cli.errors import CardError, NotFound, UsageError
 from repaint_cli.settings import Settings, TransferConfig, first_problem
 from repaint_cli.tasks.recipe import Recipe
 from repaint_cli.tasks.task import Task
+
+if TYPE_CHECKING:
+    from repaint_cli.envs.logs import LoggedRun
 
 
 class Titled(Settings):
@@ -53,8 +55,10 @@ class TaskCard(Recipe, Task, Titled):
         return Task(env=self.env, reward=self.reward, reward_code=self.reward_code)
 
     @property
-    def logged(self) -> LoggedRun:
+    def logged(self) -> "LoggedRun":
         """What logs hold of a run on this card."""
+        from repaint_cli.envs.logs import LoggedRun
+
         source = self.reward_code.source if self.reward_code else None
         return LoggedRun(self.ppo, len(self.net.conv_torso.layers), source)
 

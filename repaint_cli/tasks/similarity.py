@@ -3,11 +3,13 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import hypot
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from repaint_cli.tasks.card import TaskCard
-from repaint_cli.tasks.reward_fit import Fit, fit, with_fitted_weights
 from repaint_cli.tasks.task import Task
+
+if TYPE_CHECKING:
+    from repaint_cli.tasks.reward_fit import Fit
 
 
 def cosine(first: Task, second: Task) -> float | None:
@@ -47,7 +49,7 @@ def relation(teacher: Task, target: Task) -> str:
     return ("similar" if similarity > 0 else "different") + (", sub-task" if part else "")
 
 
-OnFit = Callable[[str, Fit], object]
+OnFit = Callable[[str, "Fit"], object]
 """Is called with a task's name and the weights that were fitted to its reward function."""
 
 
@@ -70,7 +72,7 @@ class Similarities:
 
     tasks: Sequence[TaskCard]
     """The tasks, with weights."""
-    fits: dict[str, Fit]
+    fits: "dict[str, Fit]"
     """By task, the weights that were fitted to a reward function."""
 
     @property
@@ -103,9 +105,12 @@ def similarities_of(cards: Sequence[TaskCard], on_fit: OnFit | None = None) -> S
     Raises:
         CardError: a reward function is no weighted sum of the simulator's terms, or failed.
     """
-    tasks, fits = list(cards), dict[str, Fit]()
+    tasks = list(cards)
+    fits: dict[str, Fit] = {}
     for i, card in enumerate(cards):
         if card.reward_code:
+            from repaint_cli.tasks.reward_fit import fit, with_fitted_weights
+
             fits[card.name] = fit(card)
             if on_fit:
                 on_fit(card.name, fits[card.name])

@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from pydantic import Field, field_validator
 
-from repaint_cli.envs.episodes import Episodes
-from repaint_cli.envs.gymnasium.paths import ReacherPaths
 from repaint_cli.envs.simulator import Simulator
 from repaint_cli.errors import CardError
 from repaint_cli.settings import EvalConfig
 
 if TYPE_CHECKING:
+    from repaint_cli.envs.episodes import Episodes
+    from repaint_cli.envs.gymnasium.paths import ReacherPaths
     from repaint_cli.envs.simulator import Environments
 
 REACHER = "Reacher-v5"
@@ -83,15 +83,17 @@ class GymnasiumSimulator(Simulator):
         return self.id
 
     @property
-    def paths(self) -> ReacherPaths | None:
+    def paths(self) -> "ReacherPaths | None":
         """Those of Reacher's fingertip."""
+        from repaint_cli.envs.gymnasium.paths import ReacherPaths
+
         return ReacherPaths() if self.id == REACHER else None
 
     def for_replay(self) -> "GymnasiumSimulator":
         """Return Gymnasium's own environment: EnvPool's cannot be drawn."""
         return self.model_copy(update={"backend": "gymnasium"})
 
-    def film(self, episodes: Episodes, path: Path, title: str, n_episodes: int) -> None:
+    def film(self, episodes: "Episodes", path: Path, title: str, n_episodes: int) -> None:
         """Play the first seed's first episodes again and film them; see `Simulator.film`."""
         from repaint_cli.envs.gymnasium.film import Replay, render_gym
 

@@ -1,21 +1,21 @@
 """Our racing simulator with its settings, behind the interface of simulators."""
 
+from math import isnan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
-import numpy as np
 from pydantic import Field, field_validator
 
-from repaint_cli.envs.episodes import Column, Episodes
-from repaint_cli.envs.logs import LogFormat
 from repaint_cli.envs.racer.names import BOT_RECORDS, BOT_TERMS, RECORDS, STATUS, TERMS
-from repaint_cli.envs.racer.paths import RacerPaths
-from repaint_cli.envs.reward_functions import RewardFunctions
 from repaint_cli.envs.simulator import CheckedFile, Simulator
 from repaint_cli.errors import CardError
 from repaint_cli.settings import EvalConfig
 
 if TYPE_CHECKING:
+    from repaint_cli.envs.episodes import Column, Episodes
+    from repaint_cli.envs.logs import LogFormat
+    from repaint_cli.envs.racer.paths import RacerPaths
+    from repaint_cli.envs.reward_functions import RewardFunctions
     from repaint_cli.envs.simulator import Environments
 
 
@@ -135,7 +135,7 @@ class RacerSimulator(Simulator):
         return {"track": Path(self.track)} if self.track.endswith(".npy") else {}
 
     @property
-    def reward_functions(self) -> RewardFunctions:
+    def reward_functions(self) -> "RewardFunctions":
         """DeepRacer's reward functions."""
         from repaint_cli.envs.racer.reward_functions import RacerRewardFunctions
 
@@ -154,8 +154,10 @@ class RacerSimulator(Simulator):
 
     score_episodes: ClassVar[int] = 20
 
-    def columns(self, episodes: Episodes, s: int) -> list[Column]:
+    def columns(self, episodes: "Episodes", s: int) -> "list[Column]":
         """Return progress, laps, their times and crashes; see `Simulator.columns`."""
+        from repaint_cli.envs.episodes import Column
+
         progress, status, seconds = episodes.progress, episodes.status, episodes.lap_times
         assert progress is not None
         assert status is not None
@@ -167,7 +169,7 @@ class RacerSimulator(Simulator):
             Column("crashes, %", 100.0 * (status[s] == STATUS.index("crashed"))),
         ]
 
-    def outcomes(self, episodes: Episodes) -> dict[str, Any]:
+    def outcomes(self, episodes: "Episodes") -> dict[str, Any]:
         """Return progress (%), lap times (s) and how episodes ended, as JSON."""
         progress, status, seconds = episodes.progress, episodes.status, episodes.lap_times
         assert progress is not None
@@ -175,7 +177,7 @@ class RacerSimulator(Simulator):
         assert seconds is not None
         return {
             "progress": progress.tolist(),
-            "lap_times": [[None if np.isnan(time) else time for time in row] for row in seconds],
+            "lap_times": [[None if isnan(time) else time for time in row] for row in seconds],
             "status": [[STATUS[int(code)] for code in row] for row in status],
         }
 
@@ -187,21 +189,23 @@ class RacerSimulator(Simulator):
         return self.track
 
     @property
-    def paths(self) -> RacerPaths:
+    def paths(self) -> "RacerPaths":
         """The cars' paths."""
+        from repaint_cli.envs.racer.paths import RacerPaths
+
         return RacerPaths(self.track)
 
     filmed_episodes: ClassVar[int] = 1
     films_observations: ClassVar[bool] = True
 
-    def film(self, episodes: Episodes, path: Path, title: str, n_episodes: int) -> None:
+    def film(self, episodes: "Episodes", path: Path, title: str, n_episodes: int) -> None:
         """Film the track beside what the camera sees; see `Simulator.film`."""
         from repaint_cli.envs.racer.figures import film
 
         film(self, episodes, path, title, n_episodes)
 
     @property
-    def logs(self) -> LogFormat:
+    def logs(self) -> "LogFormat":
         """DeepRacer's logs."""
         from repaint_cli.envs.racer.deepracer.logs import DeepRacerLogs
 
