@@ -6,6 +6,7 @@ import os
 import signal
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 
 import gymnasium
@@ -246,6 +247,7 @@ def stopped_by(number, iterations):
     with subprocess.Popen(
         [sys.executable, "-m", "repaint_cli", *words], text=True,
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=os.environ | {"OMP_NUM_THREADS": "1"},
+        preexec_fn=partial(signal.signal, signal.SIGINT, signal.SIG_DFL),  # not as in `test &`
     ) as process:  # fmt: skip
         for line in process.stdout:
             if line.startswith("iteration 3/"):

@@ -18,8 +18,8 @@ def similarity(
 ) -> None:
     """Compare tasks by the cosine of their reward weights.
 
-    And say what a teacher of one is to another: a row's task is the teacher's, a column's is the
-    target.
+    It also says what a teacher of one is to another: a row's task is the teacher's, a column's is
+    the target.
 
     Examples:
         repaint similarity
