@@ -19,25 +19,25 @@ if TYPE_CHECKING:
 IMPORT = "A policy of another library"
 
 
-def _read_sb3(file: Path, _: "TaskCard") -> "tuple[Imported, bool]":
+def _read_sb3(file: Path, _: "TaskCard") -> "tuple[Imported, bool | None]":
     from repaint_cli.zoo.importers import sb3
 
     return sb3.read(file)
 
 
-def _read_cleanrl(file: Path, card: "TaskCard") -> "tuple[Imported, bool]":
+def _read_cleanrl(file: Path, card: "TaskCard") -> "tuple[Imported, bool | None]":
     from repaint_cli.learn.evaluation import spaces_of
     from repaint_cli.zoo.importers import cleanrl
 
     return cleanrl.read(file, spaces_of(card))
 
 
-SOURCES: "dict[str, Callable[[Path, TaskCard], tuple[Imported, bool]]]" = {
+SOURCES: "dict[str, Callable[[Path, TaskCard], tuple[Imported, bool | None]]]" = {
     "sb3": _read_sb3,
     "cleanrl": _read_cleanrl,
 }
 """Other libraries, and what reads their policies: from a file and the card of its task, into
-the policy, and whether it was trained on normalised observations."""
+the policy, and whether it was trained on normalised observations, where that is known."""
 
 
 class AddOptions(NamedTuple):
@@ -65,6 +65,15 @@ class AddOptions(NamedTuple):
             "How observations were normalised: VecNormalize's file, or an .npz with mean and var.",
         ),
     ] = None
+    rescale_actions: Annotated[
+        bool,
+        option(
+            IMPORT,
+            None,
+            "It was trained behind Gymnasium's RescaleAction: rescale its actions to the task's.",
+            "--rescale-actions",
+        ),
+    ] = False
     replace: Replace = False
 
 
@@ -72,8 +81,8 @@ class AddOptions(NamedTuple):
 def add(options: AddOptions) -> None:
     """Put a policy's file into your zoo as a teacher.
 
-    Nothing in the file is run: PPO and A2C of Stable-Baselines3 with MlpPolicy or CnnPolicy, and
-    agents of cleanrl's PPO scripts, are read as data; what cannot be read exactly is refused.
+    Nothing in the file is run: PPO, A2C and TRPO of Stable-Baselines3 with MlpPolicy or CnnPolicy,
+    and agents of cleanrl's PPO scripts, are read as data; what cannot be the same is refused.
 
     Examples:
         repaint zoo add my-teacher teacher.safetensors
@@ -103,8 +112,12 @@ def _read_own(options: AddOptions) -> "tuple[ActorCritic, TeacherCard]":
     """
     from repaint_cli.zoo.store import read_teacher
 
-    if options.task or options.vecnormalize:
-        given = "--task" if options.task else "--vecnormalize"
+    imports = {
+        "--task": options.task,
+        "--vecnormalize": options.vecnormalize,
+        "--rescale-actions": options.rescale_actions,
+    }
+    if given := next((name for name, value in imports.items() if value), None):
         raise UsageError(f"expected --from {' or '.join(SOURCES)} beside {given}, found none")
     return read_teacher(options.file)
 
@@ -116,7 +129,10 @@ def _import_policy(options: AddOptions) -> "tuple[ActorCritic, TeacherCard]":
         NotFound: there is no such library or task.
         UsageError: --task is absent.
     """
+    from repaint_cli.cli.console import literal
+    from repaint_cli.cli.screen import out
     from repaint_cli.tasks.card_files import read_task
+    from repaint_cli.zoo.importers.fit import observation_notice
     from repaint_cli.zoo.importers.imported import as_teacher
     from repaint_cli.zoo.importers.statistics import statistics_of
 
@@ -128,4 +144,7 @@ def _import_policy(options: AddOptions) -> "tuple[ActorCritic, TeacherCard]":
     card = read_task(options.task)
     policy, normalised = SOURCES[source](file, card)
     statistics = statistics_of(file, options.vecnormalize, normalised)
-    return as_teacher(policy, statistics, options.name, card)
+    teacher = as_teacher(policy, statistics, options.name, card, rescale=options.rescale_actions)
+    if notice := observation_notice(policy.obs_bounds, card):
+        out.print(f"[yellow]warning:[/yellow] {literal(notice)}")
+    return teacher

@@ -3,7 +3,7 @@
 import io
 import zipfile
 import zlib
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import torch
@@ -13,6 +13,9 @@ from repaint_cli.errors import CheckpointError
 
 MAX_BYTES = 512 * 2**20
 """Bytes that a file, or an unpacked part of it, may have."""
+
+WRAPPERS = {"_orig_mod", "module"}
+"""Names that `torch.compile` and `DataParallel` put before those of what they wrap."""
 
 
 def read_members(
@@ -54,6 +57,8 @@ def _member(archive: zipfile.ZipFile, name: str, where: str) -> bytes:
 def read_tensors(data: bytes, where: str) -> dict[str, Tensor]:
     """Return the tensors of a file that `torch.save` wrote from a `state_dict`.
 
+    Names are as they were before a module was compiled or made parallel.
+
     Raises:
         CheckpointError: the file is damaged, holds anything but tensors by name, or holds numbers
             that are not finite or of another type than float32.
@@ -68,7 +73,18 @@ def read_tensors(data: bytes, where: str) -> dict[str, Tensor]:
         raise CheckpointError(f"{where}: expected tensors by name, found {type(tensors).__name__}")
     for name, tensor in tensors.items():
         _check_tensor(name, tensor, len(data), where)
-    return dict(tensors)
+    return _unwrapped(tensors, where)
+
+
+def _unwrapped(tensors: Mapping[str, Tensor], where: str) -> dict[str, Tensor]:
+    """Return tensors by their names without those of wrappers, which may be in any place."""
+    names = {
+        ".".join(part for part in name.split(".") if part not in WRAPPERS): name for name in tensors
+    }
+    if len(names) < len(tensors):
+        (twice, *_) = sorted(tensors.keys() - names.values())
+        raise CheckpointError(f"{where}: found '{twice}' both wrapped and not wrapped")
+    return {short: tensors[name] for short, name in names.items()}
 
 
 def _check_unpacked(data: bytes, where: str) -> None:

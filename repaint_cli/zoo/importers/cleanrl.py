@@ -14,15 +14,13 @@ from repaint_cli.files.limits import read_bytes
 from repaint_cli.policies.architecture import NetConfig
 from repaint_cli.policies.spaces import Spaces
 from repaint_cli.zoo.importers.archives import MAX_BYTES, read_tensors
-from repaint_cli.zoo.importers.imported import (
-    CAMERA_LAYERS,
-    Imported,
-    check_nothing_left,
-    renamed,
-    widths,
-)
+from repaint_cli.zoo.importers.imported import Imported
+from repaint_cli.zoo.importers.layers import CAMERA_LAYERS, check_nothing_left, renamed, widths
 
 SUPPORTED = "what can be read: ppo.py, ppo_continuous_action.py and ppo_atari.py"
+
+TWO_PLAYERS = 6
+"""Channels of the script for two players: four frames, and which player sees them."""
 
 CRITIC = {"value.0": "critic.0", "value.1": "critic.2", "value.head": "critic.4"}
 CAMERA_LAYER_NAMES = ("network.0", "network.2", "network.4", "network.7")
@@ -40,7 +38,7 @@ LAYOUTS = {
 """By script: its names of layers, by ours."""
 
 
-def read(path: Path, spaces: Spaces) -> tuple[Imported, bool]:
+def read(path: Path, spaces: Spaces) -> tuple[Imported, bool | None]:
     """Read an agent's state dict; nothing in it is run.
 
     Args:
@@ -48,7 +46,8 @@ def read(path: Path, spaces: Spaces) -> tuple[Imported, bool]:
         spaces: of the task; a state dict does not say how large an image is.
 
     Returns:
-        The policy, and whether its script normalises observations; the file does not hold how.
+        The policy, and True where its script normalises observations, None where a user may have
+        done so; the file does not hold how.
 
     Raises:
         CheckpointError: the file is absent or damaged, or has the layers of no known script.
@@ -66,16 +65,38 @@ def read(path: Path, spaces: Spaces) -> tuple[Imported, bool]:
     n_actions = leaves["policy.head.bias"].numel()
     shape: tuple[int, ...]
     if script == "ppo_atari.py":
-        height, width = spaces.obs_shape[:2] if spaces.image else (84, 84)
-        first, dense = tensors["network.0.weight"], leaves["policy.dense.bias"].numel()
-        shape = (height, width, first.shape[1] if first.ndim == 4 else 0)
+        shape, dense = _picture(tensors, spaces, path), leaves["policy.dense.bias"].numel()
         net = NetConfig(kind="cnn", conv="3-layer", dense=max(dense, 1), pool=1)
     else:
         shape = tuple(tensors["critic.0.weight"].shape[1:])
         actor = layers["policy.0"].partition(".")[0]
-        hidden, of_critic = (widths(tensors, name, 2, str(path)) for name in (actor, "critic"))
+        hidden, of_critic = (
+            widths(tensors, (f"{name}.0", f"{name}.2"), str(path)) for name in (actor, "critic")
+        )
         net = NetConfig(hidden=hidden, value_hidden=None if of_critic == hidden else of_critic)
-    return Imported(Spaces(shape, n_actions, not continuous), net, leaves, "ppo"), continuous
+    return Imported(
+        Spaces(shape, n_actions, not continuous), net, leaves, "ppo"
+    ), continuous or None
+
+
+def _picture(tensors: Mapping[str, Tensor], spaces: Spaces, path: Path) -> tuple[int, ...]:
+    """Return the shape of an agent's pictures: the file says the channels, the task the rest.
+
+    Raises:
+        CheckpointError: it is the agent of a script that scales some channels alone.
+    """
+    first = tensors["network.0.weight"]
+    channels = first.shape[1] if first.ndim == 4 else 0
+    if channels == TWO_PLAYERS:
+        raise CheckpointError(
+            f"{path}: found pictures of {channels} channels, as ppo_pettingzoo_ma_atari.py has "
+            f"them, which divides only four of them by 255; {SUPPORTED}"
+        )
+    if not spaces.image:
+        return 84, 84, channels
+    first_is_channels = spaces.obs_shape[0] == channels != spaces.obs_shape[2]
+    height, width = spaces.obs_shape[1:] if first_is_channels else spaces.obs_shape[:2]
+    return height, width, channels
 
 
 def _script(tensors: Mapping[str, Tensor], path: Path) -> str:

@@ -1,14 +1,14 @@
 """A policy of another library, and the teacher made of it."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from math import isinf
 
+import gymnasium
 import torch
 from torch import Tensor
 
-from repaint_cli.errors import CheckpointError, TeacherMismatch, UsageError
+from repaint_cli.errors import TeacherMismatch, UsageError
 from repaint_cli.learn.evaluation import spaces_of
 from repaint_cli.policies import weights
 from repaint_cli.policies.architecture import NetConfig
@@ -18,12 +18,10 @@ from repaint_cli.policies.spaces import Spaces
 from repaint_cli.provenance import versions
 from repaint_cli.tasks.card import TaskCard
 from repaint_cli.zoo import store
+from repaint_cli.zoo.importers import fit
 from repaint_cli.zoo.importers.statistics import Statistics
 from repaint_cli.zoo.scoring import score
 from repaint_cli.zoo.teacher_card import TeacherCard
-
-CAMERA_LAYERS = ("conv0", "conv1", "conv2", "dense")
-"""Our names of the layers of the NatureCNN, which Stable-Baselines3 and cleanrl have too."""
 
 
 @dataclass(frozen=True)
@@ -38,6 +36,10 @@ class Imported:
     """Their parameters, by our names."""
     algorithm: str
     """That trained it."""
+    bounds: fit.Bounds | None = None
+    """Of its actions; None where they are numbers, or a file does not say."""
+    obs_bounds: fit.Bounds | None = None
+    """Of its observations, where it was trained; None where a file does not say."""
     seed: int = 0
     """Of its training; 0 where the file has none."""
     env_steps: int = 0
@@ -47,7 +49,12 @@ class Imported:
 
 
 def as_teacher(
-    policy: Imported, statistics: Statistics | None, name: str, task: TaskCard
+    policy: Imported,
+    statistics: Statistics | None,
+    name: str,
+    task: TaskCard,
+    *,
+    rescale: bool = False,
 ) -> tuple[ActorCritic, TeacherCard]:
     """Make an imported policy a teacher of a task, and score it there.
 
@@ -56,10 +63,11 @@ def as_teacher(
         statistics: of its normalised observations; None where it normalises none.
         name: of the teacher.
         task: that it was trained on.
+        rescale: whether its actions are to be rescaled from its bounds to the task's.
 
     Raises:
         TeacherMismatch: the policy or the statistics do not fit the task.
-        UsageError: statistics are given for a policy of images.
+        UsageError: statistics are given for a policy of images, or actions cannot be rescaled.
         CardError: the task's environment cannot be made.
     """
     spaces, (net, normalizer) = spaces_of(task), _normalizer(policy, statistics)
@@ -77,12 +85,42 @@ def as_teacher(
         versions=versions() | policy.versions,
         created=datetime.now(UTC).isoformat(timespec="seconds"),
     )
-    if problem := store.mismatch(card, task, spaces):
+    problem = fit.channels_first(policy.spaces, spaces) or store.mismatch(card, task, spaces)
+    if problem:
         raise TeacherMismatch(f"{problem}; give the --task it was trained on")
     _check_leaves(policy, card)
+    policy = _fitted(policy, card, rescale=rescale)
     network = ActorCritic(spaces, net, 1)
     weights.load_policy(network, policy.leaves | normalizer, f"teacher '{name}'")
     return network, card.model_copy(update={"score": score(network, task, policy.seed)})
+
+
+def _fitted(policy: Imported, card: TeacherCard, *, rescale: bool) -> Imported:
+    """Return the policy with the actions of its card's task.
+
+    Raises:
+        TeacherMismatch: it reads other pixels, or its actions have other bounds.
+        UsageError: its bounds, to rescale from, are not known.
+    """
+    where, (obs, action) = f"teacher '{card.name}'", fit.environment_spaces(card.task)
+    if policy.spaces.image and (problem := fit.other_pixels(obs)):
+        raise TeacherMismatch(f"{where}: {problem}")
+    if policy.bounds is None or not isinstance(action, gymnasium.spaces.Box):
+        if rescale:
+            raise UsageError(
+                "expected --rescale-actions with a file that has the bounds of continuous actions, "
+                "found none"
+            )
+        return policy
+    space = fit.Bounds.of(action)
+    if rescale:
+        return replace(policy, leaves=fit.rescaled(policy.leaves, policy.bounds, space, where))
+    if problem := fit.other_bounds(policy.bounds, space):
+        raise TeacherMismatch(
+            f"{where}: {problem}; give the --task it was trained on, or --rescale-actions if it "
+            "was trained behind gymnasium's RescaleAction"
+        )
+    return policy
 
 
 def _normalizer(
@@ -120,66 +158,3 @@ def _check_leaves(policy: Imported, card: TeacherCard) -> None:
                 f"teacher '{card.name}': '{name}' is {shape}, for {policy.spaces} it must be "
                 f"{expected.get(name, 'absent')}"
             )
-
-
-def renamed(
-    tensors: Mapping[str, Tensor], layers: Mapping[str, str], where: str
-) -> dict[str, Tensor]:
-    """Return layers by our names, dense ones transposed, so that their inputs come first.
-
-    Args:
-        tensors: of the file, by the library's names.
-        layers: the library's names of layers, by ours.
-        where: the file's name, for messages.
-
-    Raises:
-        CheckpointError: a parameter is missing.
-    """
-    leaves = {}
-    for layer, name in layers.items():
-        for part in ("weight", "bias"):
-            tensor = tensors.get(f"{name}.{part}")
-            if tensor is None:
-                raise CheckpointError(f"{where}: expected '{name}.{part}', found none")
-            leaves[f"{layer}.{part}"] = tensor.T if tensor.ndim == 2 else tensor
-    return leaves
-
-
-def check_nothing_left(
-    tensors: Mapping[str, Tensor], layers: Mapping[str, str], others: set[str], where: str
-) -> None:
-    """Check that every tensor of a file is used.
-
-    Args:
-        tensors: of the file, by the library's names.
-        layers: the library's names of layers, by ours.
-        others: tensors that belong to no layer, or are copies.
-        where: the file's name, for messages.
-
-    Raises:
-        CheckpointError: a tensor is neither a layer's nor one of the others.
-    """
-    known = {f"{name}.{part}" for name in layers.values() for part in ("weight", "bias")}
-    for name in sorted(tensors.keys() - known - others):
-        raise CheckpointError(f"{where}: '{name}' belongs to no policy that can be read here")
-
-
-def widths(
-    tensors: Mapping[str, Tensor], prefix: str, n_layers: int, where: str
-) -> tuple[int, ...]:
-    """Return the widths of dense layers with activations between them.
-
-    Args:
-        tensors: of the file, by the library's names: prefix.0, prefix.2, …
-        prefix: of the layers.
-        n_layers: their number.
-        where: the file's name, for messages.
-
-    Raises:
-        CheckpointError: a layer's bias is missing, empty, or no vector.
-    """
-    names = [f"{prefix}.{2 * layer}.bias" for layer in range(n_layers)]
-    for name in names:
-        if name not in tensors or tensors[name].ndim != 1 or not len(tensors[name]):
-            raise CheckpointError(f"{where}: expected a layer's '{name}', found none")
-    return tuple(len(tensors[name]) for name in names)

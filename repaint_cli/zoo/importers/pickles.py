@@ -14,32 +14,10 @@ from typing import Any
 import numpy as np
 
 from repaint_cli.files.npy import NotAnArray, array_over
+from repaint_cli.zoo.importers.pickle_names import KNOWN
 
 MAX_OPCODES = 200_000
 """Far more than a file of statistics has."""
-
-_NUMPY = ("numpy.core", "numpy._core")
-_SPACES = (
-    "box.Box", "dict.Dict", "discrete.Discrete", "multi_binary.MultiBinary",
-    "multi_discrete.MultiDiscrete",
-)  # fmt: skip
-KNOWN = frozenset(
-    [
-        "collections.OrderedDict",
-        "numpy.dtype",
-        "numpy.ndarray",
-        *(f"{core}.multiarray.{name}" for core in _NUMPY for name in ("_reconstruct", "scalar")),
-        *(f"{core}.numeric._frombuffer" for core in _NUMPY),
-        *(f"numpy.random._pickle.__{kind}_ctor" for kind in ("generator", "bit_generator")),
-        "numpy.random._pcg64.PCG64",
-        "numpy.random.bit_generator.SeedSequence",
-        "numpy.random.bit_generator.__pyx_unpickle_SeedSequence",
-        "stable_baselines3.common.running_mean_std.RunningMeanStd",
-        "stable_baselines3.common.vec_env.vec_normalize.VecNormalize",
-        *(f"{library}.spaces.{name}" for library in ("gym", "gymnasium") for name in _SPACES),
-    ]
-)
-"""The classes and functions that a file may name."""
 
 _NUMBERS = frozenset(f"{kind}{size}" for kind in "fiu" for size in (1, 2, 4, 8)) - {"f1"}
 

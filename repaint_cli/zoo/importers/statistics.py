@@ -64,16 +64,18 @@ def read_statistics(path: Path) -> Statistics | None:
         ) from error
 
 
-def statistics_of(path: Path, given: str | None, normalised: bool) -> Statistics | None:
+def statistics_of(path: Path, given: str | None, normalised: bool | None) -> Statistics | None:
     """Return the statistics of a policy's observations; None where they are not normalised.
 
     Args:
         path: the policy's file.
         given: a file of statistics, or "none".
-        normalised: whether the policy was trained on normalised observations.
+        normalised: whether the policy was trained on normalised observations; None where that is
+            not known.
 
     Raises:
-        UsageError: the policy was trained on normalised observations, and no file is given.
+        UsageError: the policy was trained on normalised observations, and no file is given; or one
+            is, and it was not.
         CheckpointError: the given file is absent or damaged, or holds no statistics.
     """
     if given is None and normalised:
@@ -82,7 +84,13 @@ def statistics_of(path: Path, given: str | None, normalised: bool) -> Statistics
             "file or none: expected --vecnormalize with VecNormalize's file or an .npz of mean and "
             "var, or --vecnormalize none"
         )
-    return read_statistics(Path(given)) if given and given != "none" else None
+    statistics = read_statistics(Path(given)) if given and given != "none" else None
+    if statistics and normalised is False:
+        raise UsageError(
+            f"the policy in {path} saw observations as they are when it was last trained: expected "
+            f"no --vecnormalize, or --vecnormalize none, found {given}"
+        )
+    return statistics
 
 
 def _from_vecnormalize(record: Any) -> Statistics | None:
