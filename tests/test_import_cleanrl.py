@@ -117,12 +117,50 @@ def test_the_script_for_atari(tmp_path):
     assert card.obs_shape == ATARI.shape
 
 
+WRAPPED = {
+    "compiled": torch.compile,
+    "data parallel": nn.DataParallel,
+    "both": lambda agent: torch.compile(nn.DataParallel(agent)),
+}
+
+
+@pytest.mark.filterwarnings("ignore:.torch.jit.script_method:DeprecationWarning")
+@pytest.mark.parametrize("wrap", WRAPPED.values(), ids=WRAPPED)
+@pytest.mark.parametrize("kind", [Discretely, Continuously])
+def test_names_of_compiled_and_parallel_agents_are_read(tmp_path, wrap, kind):
+    agent, obs = kind(), torch.randn(N, 5)
+    action = ACTIONS["discrete" if kind is Discretely else "box"]
+    path = saved(tmp_path, wrap(agent))
+    network, _ = imported(path, task_of(VECTOR, action), "none")
+    assert_same(agent, network, obs, obs)
+    agent.critic = wrap(agent.critic)
+    network, _ = imported(saved(tmp_path, agent), task_of(VECTOR, action), "none")
+    assert_same(agent, network, obs, obs)
+
+
+def test_a_parameter_under_two_names_is_refused(tmp_path):
+    path = saved(tmp_path, Discretely(), **{"_orig_mod.actor.0.bias": torch.ones(64)})
+    with pytest.raises(CheckpointError, match=r"actor\.0\.bias' both wrapped and not wrapped"):
+        cleanrl.read(path, Spaces((5,), 4, True))
+
+
+def test_the_script_for_two_players_scales_some_channels_alone_and_is_refused(tmp_path):
+    agent = Atari()
+    agent.network[0] = nn.Conv2d(6, 32, 8, stride=4)
+    message = r"of 6 channels, as ppo_pettingzoo_ma_atari\.py has them.* what can be read"
+    with pytest.raises(CheckpointError, match=message):
+        cleanrl.read(saved(tmp_path, agent), Spaces((84, 84, 6), 4, True))
+
+
 def test_what_does_not_fit_the_task_is_refused(tmp_path):
     path = saved(tmp_path, Atari())
     with pytest.raises(TeacherMismatch, match=r"'guest' has 44×40×4 obs.* 'dream' has 44×40×2"):
         imported(path, task_of(PICTURE, Discrete(4)))
     with pytest.raises(TeacherMismatch, match=r"'guest' has 84×84×4 obs.* 'dream' has 5 obs"):
         imported(path, task_of(VECTOR, Discrete(4)))
+    first = Box(0, 255, (4, 84, 84), np.uint8)
+    with pytest.raises(TeacherMismatch, match=r"channels last, 84×84×4; found 4×84×84: let the"):
+        imported(path, task_of(first, Discrete(4)))
     small = Box(0, 255, (60, 60, 4), np.uint8)
     message = r"'policy.dense.weight' is \(3136, 512\), for 60×60×4 .* must be \(1024, 512\)"
     with pytest.raises(TeacherMismatch, match=message):

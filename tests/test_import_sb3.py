@@ -1,13 +1,17 @@
 """Policies of Stable-Baselines3: read without running anything, and the same as they were there."""
 
+import io
+import zipfile
+
 import gymnasium
 import numpy as np
 import pytest
 import torch
 from foreign_policies import ACTIONS, ALGORITHMS, PICTURE, VECTOR, model, normalised, task_of
-from stable_baselines3 import DQN, SAC
+from gymnasium.spaces import Box, Discrete
 from stable_baselines3.common.policies import ActorCriticPolicy
 from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
+from test_import_statistics import seeded
 from torch import nn
 
 from repaint_cli.errors import CheckpointError, TeacherMismatch, UsageError
@@ -140,6 +144,88 @@ def test_a_model_that_saw_normalised_observations_is_not_read_without_their_stat
     assert_same_policy(source, network, vectors() / 100, vectors() / 100)
 
 
+def test_statistics_are_refused_for_a_model_that_saw_observations_as_they_are(tmp_path):
+    source = model(n_steps=16, batch_size=16)
+    normalised(source.get_env()).save(tmp_path / "vec.pkl")
+    source.learn(16)
+    path, task = saved(tmp_path, source), task_of(VECTOR, ACTIONS["box"])
+    with pytest.raises(UsageError, match=r"saw observations as they are .* found .*vec\.pkl"):
+        imported(path, task, str(tmp_path / "vec.pkl"))
+    network, _ = imported(path, task)
+    assert_same_policy(source, network, vectors() / 100, vectors() / 100)
+
+
+def test_the_old_file_of_a_seeded_normaliser_goes_with_its_policy(tmp_path):
+    source = model()
+    normaliser = normalised(source.get_env())
+    seeded(normaliser, "action_space", np.random.RandomState(1))
+    normaliser.save(tmp_path / "old.pkl")
+    task = task_of(VECTOR, ACTIONS["box"])
+    network, _ = imported(saved(tmp_path, source), task, str(tmp_path / "old.pkl"))
+    seen = normaliser.normalize_obs(vectors())
+    assert_same_policy(source, network, vectors(), seen)
+    actions, _ = source.predict(seen, deterministic=True)
+    mode = network.policy(torch.from_numpy(vectors())[None]).mode()[0].detach()
+    assert np.abs(mode.numpy().clip(-1, 1) - actions).max() <= 1e-5
+
+
+ALIKE = {
+    "numbers in double precision": (
+        Box(-np.inf, np.inf, (5,), np.float64), Box(-1, 1, (3,), np.float64), {}),
+    "bytes that are no picture": (Box(0, 255, (5,), np.uint8), ACTIONS["box"], {}),
+    "a small spread": (VECTOR, ACTIONS["box"], {"policy_kwargs": {"log_std_init": -9.0}}),
+    "a wide spread": (VECTOR, ACTIONS["box"], {"policy_kwargs": {"log_std_init": 4.0}}),
+    "no scaling of pictures": (VECTOR, Discrete(4), {"policy_kwargs": {"normalize_images": False}}),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("obs", "action", "settings"), ALIKE.values(), ids=ALIKE)
+def test_other_spaces_and_settings_make_no_difference(tmp_path, obs, action, settings):
+    source = model(obs=obs, action=action, **settings)
+    network, _ = imported(saved(tmp_path, source), task_of(obs, action))
+    seen = np.abs(vectors()).clip(0, 255).astype(obs.dtype) if obs.low[0] == 0 else vectors() / 100
+    assert_same_policy(source, network, seen, seen)
+
+
+@pytest.mark.filterwarnings("ignore:.torch.jit.script_method:DeprecationWarning")
+def test_a_compiled_policy_is_the_same(tmp_path):
+    source, task, seen = model(), task_of(VECTOR, ACTIONS["box"]), vectors() / 100
+    plain, layers = source.policy, source.policy.mlp_extractor
+    source.policy = torch.compile(plain)
+    network, _ = imported(saved(tmp_path, source), task)
+    source.policy = plain
+    assert_same_policy(source, network, seen, seen)
+
+    inner = layers.policy_net
+    layers.policy_net = torch.compile(inner)
+    assert any(".policy_net._orig_mod." in name for name in plain.state_dict())
+    network, _ = imported(saved(tmp_path, source), task)
+    layers.policy_net = inner  # since to compile it takes half a minute
+    assert_same_policy(source, network, seen, seen)
+
+
+def test_first_layers_that_policy_and_critic_share_in_sb3_1_are_copied(tmp_path):
+    source = model(policy_kwargs={"net_arch": {"pi": [16, 8], "vf": [16, 4]}})
+    layers = source.policy.mlp_extractor
+    layers.value_net[0].load_state_dict(layers.policy_net[0].state_dict())
+    path = saved(tmp_path, source)
+    old = {}
+    for name, tensor in source.policy.state_dict().items():
+        name = name.replace("policy_net.0.", "shared_net.0.").replace("_net.2.", "_net.0.")
+        if "value_net.0." not in name or tensor.shape[0] == 4:
+            old[name] = tensor
+    buffer = io.BytesIO()
+    torch.save(old, buffer)
+    with zipfile.ZipFile(path, "a") as archive:
+        parts = {n: archive.read(n) for n in archive.namelist()} | {"policy.pth": buffer.getvalue()}
+    with zipfile.ZipFile(path, "w") as archive:
+        for name, part in parts.items():
+            archive.writestr(name, part)
+    network, card = imported(path, task_of(VECTOR, ACTIONS["box"]))
+    assert_same_policy(source, network, vectors() / 100, vectors() / 100)
+    assert (card.task.net.hidden, card.task.net.value_hidden) == ((16, 8), (16, 4))
+
+
 class Mine(ActorCriticPolicy):
     """A policy of one's own."""
 
@@ -161,12 +247,13 @@ class Tanh(nn.Module):
         return x
 
 
-WORKS = "; what can be read: PPO and A2C with MlpPolicy or CnnPolicy"
+WORKS = "; what can be read: PPO, A2C and TRPO with MlpPolicy or CnnPolicy"
 REFUSED = {
     "gSDE": ({"use_sde": True}, r"with use_sde=True; what can .* without it"),
     "squashed": ({"use_sde": True, "policy_kwargs": {"squash_output": True}}, "squash_output=True"),
     "activation": ({"policy_kwargs": {"activation_fn": nn.GELU}},
                    "expected activation_fn Tanh, ReLU, ELU, found .*GELU"),
+    "leaky": ({"policy_kwargs": {"activation_fn": nn.LeakyReLU}}, "found .*LeakyReLU"),
     "own activation": ({"policy_kwargs": {"activation_fn": Tanh}}, "found .*Tanh"),
     "own policy": ({"policy": Mine}, "found a policy of .*test_import_sb3" + WORKS),
     "own extractor": ({"policy_kwargs": {"features_extractor_class": Sum}},
@@ -174,6 +261,11 @@ REFUSED = {
     "several actions": ({"action": gymnasium.spaces.MultiDiscrete([2, 3])},
                         r"found .*Box'> \(5,\) and .*MultiDiscrete'> \(2,\)"),
     "from 1": ({"action": gymnasium.spaces.Discrete(3, start=1)}, "actions in a Box or Discrete"),
+    "bits": ({"action": gymnasium.spaces.MultiBinary(3)}, "and .*MultiBinary'> "),
+    "a number seen": ({"obs": gymnasium.spaces.Discrete(5)}, r"found .*Discrete'> \(\) and "),
+    "several things seen": (
+        {"obs": gymnasium.spaces.Dict(a=VECTOR), "policy": "MultiInputPolicy"},
+        r"found .*Dict'> \(\) and "),
     "a grid": ({"obs": gymnasium.spaces.Box(0, 1, (3, 4))}, r"found .*Box'> \(3, 4\)"),
     "image without camera": ({"obs": PICTURE}, "found images read without a camera network"),
     "grey levels as they are": (
@@ -191,13 +283,6 @@ def test_what_cannot_be_the_same_is_refused(tmp_path, settings, message):
     with pytest.raises(CheckpointError, match=message) as refused:
         sb3.read(path)
     assert "\n" not in str(refused.value)
-
-
-@pytest.mark.parametrize(("kind", "env"), [(DQN, "CartPole-v1"), (SAC, "Pendulum-v1")])
-def test_other_algorithms_are_refused(tmp_path, kind, env):
-    path = saved(tmp_path, kind("MlpPolicy", env, buffer_size=10, device="cpu"))
-    with pytest.raises(CheckpointError, match=f"found a policy of stable_baselines3.*{WORKS}"):
-        sb3.read(path)
 
 
 def test_a_policy_for_other_spaces_is_refused(tmp_path):

@@ -4,7 +4,9 @@ import io
 import pickle
 import pickletools
 import sys
+import types
 import zipfile
+from copy import copy
 
 import gymnasium
 import numpy as np
@@ -84,6 +86,74 @@ def test_files_of_numpy_1_are_read(tmp_path):
     assert b"numpy.core.multiarray" in text
     (tmp_path / "old.pkl").write_bytes(text)
     assert_array_equal(read_statistics(tmp_path / "old.pkl").var, source.obs_rms.var + 1e-8)
+
+
+class Reduced:
+    """Pickled as what some version of a library wrote."""
+
+    def __init__(self, function, *rest):
+        self.what = function, *rest
+
+    def __reduce__(self):
+        return self.what
+
+
+def seeded(normaliser, name, random):
+    """Give a normaliser a space of its own, with a generator of random numbers."""
+    space = copy(getattr(normaliser, name))
+    vars(space)["_np_random"] = random
+    setattr(normaliser, name, space)
+
+
+STATE = np.random.RandomState(1).get_state(legacy=False)
+SOURCES_OF_NUMBERS = {
+    "RandomState, as now": np.random.RandomState(1),
+    "RandomState, numpy 1.17": Reduced(
+        getattr(np.random._pickle, "__randomstate_ctor"), ("MT19937",), STATE
+    ),
+    "RandomState, numpy 1.16": Reduced(
+        getattr(np.random, "__RandomState_ctor"), (), np.random.RandomState(1).get_state()
+    ),
+    "Generator, numpy 1.17": Reduced(
+        getattr(np.random._pickle, "__generator_ctor"), ("MT19937",), STATE
+    ),
+} | {
+    name: np.random.Generator(getattr(np.random, name)(1))
+    for name in ("MT19937", "PCG64", "PCG64DXSM", "Philox", "SFC64")
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("random", SOURCES_OF_NUMBERS.values(), ids=SOURCES_OF_NUMBERS)
+@pytest.mark.parametrize("protocol", [3, 4, 5])
+def test_spaces_may_have_been_seeded_in_any_way(tmp_path, random, protocol):
+    source = normalised(dreaming())
+    for name in ("action_space", "observation_space"):
+        seeded(source, name, random)
+    path = saved(tmp_path, source, protocol)
+    quietly(path.read_bytes())
+    assert_array_equal(read_statistics(path).mean, source.obs_rms.mean)
+
+
+def test_files_of_gym_are_read(tmp_path, monkeypatch):
+    source = normalised(dreaming())
+    seeded(source, "action_space", np.random.RandomState(1))
+    text = pickle.dumps(source, 3).replace(b"numpy._core.", b"numpy.core.")
+    text = text.replace(b"gymnasium.spaces", b"gym.spaces")
+    assert b"gym.spaces.box" in text
+    assert b"gymnasium" not in text
+    (tmp_path / "old.pkl").write_bytes(text)
+    assert_array_equal(read_statistics(tmp_path / "old.pkl").mean, source.obs_rms.mean)
+
+    seeding = types.ModuleType("gym.utils.seeding")  # as gym 0.22 to 0.25 had it
+    seeding.RandomNumberGenerator = type("RandomNumberGenerator", (), {})
+    seeding.RandomNumberGenerator._generator_ctor = made = lambda name: None
+    made.__module__, made.__qualname__ = seeding.__name__, "RandomNumberGenerator._generator_ctor"
+    for name in ("gym", "gym.utils", seeding.__name__):
+        monkeypatch.setitem(sys.modules, name, seeding)
+    seeded(source, "action_space", Reduced(made, ("PCG64",), {"state": 1}))
+    path = saved(tmp_path, source, 4)
+    assert b"_generator_ctor" in path.read_bytes()
+    assert_array_equal(read_statistics(path).mean, source.obs_rms.mean)
 
 
 @pytest.mark.parametrize("obs", [VECTOR, PICTURE], ids=["vectors", "images"])

@@ -14,7 +14,7 @@ from test_import_sb3 import imported, saved
 from torch.testing import assert_close
 
 from repaint_cli.errors import CheckpointError, TeacherMismatch
-from repaint_cli.zoo.importers import archives, sb3
+from repaint_cli.zoo.importers import archives, sb3, sb3_settings
 
 
 def rewritten(path, **parts):
@@ -171,6 +171,6 @@ def test_settings_that_are_no_numbers_count_as_unknown(tmp_path):
 
 def test_settings_beyond_all_measure_are_not_parsed(tmp_path, monkeypatch):
     path = saved(tmp_path, model())
-    monkeypatch.setattr(sb3, "MAX_SETTINGS_BYTES", 100)
+    monkeypatch.setattr(sb3_settings, "MAX_SETTINGS_BYTES", 100)
     with pytest.raises(CheckpointError, match="expected a 'data' of 100 bytes at most, found"):
         sb3.read(path)
