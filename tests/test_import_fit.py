@@ -194,5 +194,5 @@ def test_the_command_refuses_in_a_line_rescales_when_asked_and_warns(repaint, ho
     assert "warning: observation 1 of 5 was within [-1, 1] in training, is" in said.out
     assert "see whether the score is right" in said.out
 
-    said = repaint("zoo", "add", "guest", path, "--rescale-actions")
+    said = repaint("zoo", "add", "other", path, "--rescale-actions")
     assert "expected --from sb3 or cleanrl beside --rescale-actions, found none" in said.err
