@@ -9,7 +9,6 @@ from numpy.testing import assert_allclose, assert_array_equal
 from small_learners import learner_of, training
 from small_tasks import card, guess, reach, scripted
 
-from repaint_cli.errors import CardError
 from repaint_cli.learn.rollout.collect import collect
 from repaint_cli.learn.rollout.gae import to_samples
 from repaint_cli.learn.rollout.stream import Stream
@@ -52,28 +51,6 @@ def test_steps_that_are_shorter_than_an_episode_continue_it():
     assert not reach(n_steps=4, n_envs=4, continue_episodes=False).continues_episodes
     assert not reach(n_steps=4, n_envs=1, whole_episodes=True).continues_episodes
     assert not guess(n_episodes=4, continue_episodes=True).continues_episodes
-
-
-@pytest.mark.parametrize(
-    ("ppo", "line"),
-    [
-        ({"n_steps": 3, "n_envs": 4},
-         r"expected ppo.n_steps of at least ppo.n_envs, .* found 3 and 4; try --set ppo.n_envs=3"),
-        ({"n_steps": 30, "n_envs": 4, "continue_episodes": False},
-         r"of at least 9 \(the longest episode \+ 1\) where rollouts begin afresh, found 30 / 4; "
-         r"try --set ppo.n_envs=3$"),
-        ({"n_steps": 8, "n_envs": 4, "continue_episodes": False},
-         r"found 8 / 4; try --set ppo.n_envs=1 --set ppo.n_steps=9$"),
-    ],
-)  # fmt: skip
-def test_what_is_too_short_is_refused_with_the_smallest_that_works(ppo, line):
-    with pytest.raises(CardError, match=line):
-        reach(**ppo).check_rollout()
-
-
-def test_the_advice_works():
-    reach(n_steps=30, n_envs=3, continue_episodes=False).check_rollout()
-    reach(n_steps=9, n_envs=1, continue_episodes=False).check_rollout()
 
 
 def test_two_rollouts_in_a_row_are_one_of_twice_the_length():
