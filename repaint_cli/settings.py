@@ -98,6 +98,9 @@ class PPOConfig(Settings):
     whole_episodes: bool = False
     """Whether episodes that run when `n_steps` are full are played out, and the rest cut off after
     advantages are known."""
+    continue_episodes: bool | None = None
+    """Whether a rollout goes on where the last one ended, within episodes, as those of
+    Stable-Baselines3 do; absent: where `n_steps` / `n_envs` is shorter than the longest episode."""
     advantages: Literal["before", "after"] = "before"
     """Whether Â is estimated before the critic's fit, or after it, as algorithms 1 and 2 write."""
     compiled: bool = True

@@ -442,7 +442,7 @@ def test_teacher_episodes_are_a_number_of_their_own():
 
 
 def test_a_rollout_in_which_no_episode_can_end_is_refused():
-    task = reach(n_steps=32, n_envs=4)
+    task = reach(n_steps=32, n_envs=4, continue_episodes=False)
     with pytest.raises(CardError, match=r"at least 9 .* found 32 / 4; try --set ppo.n_envs=3"):
         next(training(with_transfer(task, TransferConfig()), learner_of(task, [0])))
 

@@ -58,7 +58,7 @@ def assert_same(folder, other):
 @pytest.mark.parametrize(
     ("kind", "kills"),
     [("repaint", 50), ("compiled", 4), ("auto", 8), ("relevance", 8), ("q-learning", 8),
-     ("racer", 6)],
+     ("continued", 8), ("racer", 6)],
 )  # fmt: skip
 def test_a_run_killed_again_and_again_ends_as_an_undisturbed_one(tmp_path, kind, kills):
     (tmp_path / "calm").mkdir()
@@ -104,7 +104,7 @@ def test_a_run_killed_in_any_append_ends_as_an_undisturbed_one(tmp_path, kind, s
     assert number > (3 if kind == "repaint" else 7)
 
 
-@pytest.mark.parametrize("kind", ["repaint", "q-learning"])
+@pytest.mark.parametrize("kind", ["repaint", "q-learning", "continued"])
 def test_more_iterations_are_those_of_a_longer_run(tmp_path, kind):
     for name, n_iterations in (("long", 5), ("short", 3)):  # with the same teacher beside them
         killed_runs.go_on(kind, tmp_path / name, n_iterations)

@@ -157,15 +157,21 @@ def test_a_card_survives_json():
 @pytest.mark.parametrize(
     ("settings", "advice"),
     [
-        (["ppo.n_envs=41"], "at least 51 .* found 2048 / 41; try --set ppo.n_envs=40"),
-        (["ppo.n_steps=50"], "found 50 / 40; try --set ppo.n_steps=2040"),
+        (["ppo.n_envs=41"], "at least 51 .* found 2048 / 41; try --set ppo.n_envs=40$"),
+        (["ppo.n_steps=50"], "found 50 / 40; try --set ppo.n_envs=1 --set ppo.n_steps=51$"),
+        (["ppo.n_steps=39"], "expected ppo.n_steps of at least ppo.n_envs, a step of .*, found "
+         "39 and 40; try --set ppo.n_envs=39$"),
     ],
-)
-def test_every_environment_must_finish_an_episode_and_the_advice_works(settings, advice):
+)  # fmt: skip
+def test_what_is_too_short_for_a_rollout_is_refused_and_the_advice_works(settings, advice):
     card = read_task("reacher").with_settings(settings)
+    if "n_steps=39" not in settings[0]:
+        card.check_rollout()  # goes on with its episodes
+        card = card.with_settings(["ppo.continue_episodes=false"])
     with pytest.raises(CardError, match=advice) as caught:
         card.check_rollout()
-    card.with_settings([str(caught.value).rpartition("--set ")[2]]).check_rollout()
+    advised = card.with_settings(str(caught.value).partition("try --set ")[2].split(" --set "))
+    advised.check_rollout()
 
 
 @pytest.mark.parametrize(

@@ -1,12 +1,13 @@
 """The reward as a weighted sum of named terms, r = w·φ (paper, section 5.2)."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
 from gymnasium.vector import VectorEnv, VectorWrapper
 
+from repaint_cli.envs.simulator import BegunEpisode
 from repaint_cli.errors import CardError, RepaintError
 
 
@@ -33,8 +34,15 @@ class RewardTerms(VectorWrapper):
     only reset an environment have φ = 0.
     """
 
-    def __init__(self, env: "VectorEnv[Any, Any, Any]", weights: Mapping[str, float]) -> None:
+    def __init__(
+        self,
+        env: "VectorEnv[Any, Any, Any]",
+        weights: Mapping[str, float],
+        replayable: bool = False,
+    ) -> None:
         super().__init__(env)
+        self.replayable = replayable
+        """Whether `Simulator.make_replayable` made the environments."""
         self.names = tuple(weights)
         self.weights = np.array([weights[name] for name in self.names])  # (F,)
         self._ended = np.zeros(env.num_envs, bool)
@@ -44,6 +52,21 @@ class RewardTerms(VectorWrapper):
         self._ended[:] = False
         with _environment_errors("when it was reset"):
             return self.env.reset(**kwargs)
+
+    def play_again(self, episodes: Sequence[BegunEpisode], ended: np.ndarray) -> Any:
+        """Bring every environment to a step of an episode; return what is observed there.
+
+        Args:
+            episodes: of N environments that `Simulator.make_replayable` made.
+            ended: whether each had ended with that step, (N,).
+
+        Raises:
+            CardError: an environment fails.
+        """
+        self.env.set_attr("begun", list(episodes))  # type: ignore[attr-defined]
+        obs, _ = self.reset()
+        self._ended = ended.copy()
+        return obs
 
     def step(self, actions: Any) -> tuple[Any, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
         """Advance every environment by one step.

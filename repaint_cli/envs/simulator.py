@@ -39,6 +39,17 @@ class CheckedFile(NamedTuple):
     """The next command worth typing."""
 
 
+class BegunEpisode(NamedTuple):
+    """An episode up to some step, from which it can be played again."""
+
+    first_seed: int
+    """The seed of the environment's first episode."""
+    episode: int
+    """Which episode it is, from 0."""
+    actions: Any
+    """The actions since it began, as the environment was given them, (L, …)."""
+
+
 class Simulator(Settings, ABC):
     """A simulator with its settings; what a subclass does not define has a default here."""
 
@@ -62,6 +73,17 @@ class Simulator(Settings, ABC):
         Raises:
             CardError: the environment cannot be made.
         """
+
+    def make_replayable(self, n_envs: int) -> "Environments | None":
+        """Make N copies whose episodes can be played again, as resuming within one asks for.
+
+        Each copy's attribute `begun`, set to a `BegunEpisode`, is played by its next reset; see
+        `gymnasium/replay.py`. None where that is not possible: episodes then begin afresh.
+
+        Raises:
+            CardError: the environment cannot be made.
+        """
+        return None
 
     @abstractmethod
     def longest_episode(self) -> int:

@@ -1,13 +1,14 @@
 """The students that learn, and how they and their teachers act."""
 
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from repaint_cli.learn.rollout.batches import even_share
 from repaint_cli.learn.rollout.collect import Policy, collect, start
 from repaint_cli.learn.rollout.storage import Rollout
+from repaint_cli.learn.rollout.stream import Stream
 from repaint_cli.learn.rollout.transitions import Experience
 from repaint_cli.learn.seeding import Purpose, generator
 from repaint_cli.learn.update.adam import RowAdam
@@ -31,6 +32,8 @@ class Learner:
     """Steps taken for training, the teacher's among them, (S,)."""
     memory: Experience | None = None
     """The replay buffer of Q-learning: each seed's newest transitions."""
+    streams: dict[str, Stream] = field(default_factory=dict)
+    """The environments that rollouts go on with, by who acts in them, where episodes continue."""
 
     @classmethod
     def fresh(cls, student: ActorCritic, seeds: list[int], learning_rate: float) -> "Learner":
@@ -56,7 +59,7 @@ class Learner:
             card, k, policy or self.student.policy, (Purpose.TRAIN, Purpose.ACT),
             n_steps=None if ppo.n_episodes else even_share(ppo.n_steps or 0, 0, 1 + n_teachers),
             n_envs=ppo.n_episodes or max(1, ppo.n_envs // (1 + n_teachers)),
-            whole=ppo.whole_episodes, record=card.env.records,
+            record=card.env.records,
         )  # fmt: skip
 
     def collect_teacher(
@@ -87,7 +90,7 @@ class Learner:
             n_envs = max(1, ppo.n_envs // sharing)
         return self._roll(
             card, k, policy, (Purpose.TEACHER, Purpose.ACT_AS_TEACHER), stream=which,
-            n_steps=n_steps, n_envs=n_envs, whole=ppo.whole_episodes,
+            n_steps=n_steps, n_envs=n_envs,
         )  # fmt: skip
 
     def _roll(
@@ -100,17 +103,54 @@ class Learner:
         n_steps: int | None,
         n_envs: int,
         stream: int = 0,
-        **options: Any,
+        record: Sequence[str] = (),
     ) -> Rollout:
-        """Roll a policy out in fresh environments; `purposes` name their seeds and the noise."""
-        env, obs = start(
-            card, self.seeds, n_envs, purposes[0], k, stream=stream, one_episode=n_steps is None
-        )
+        """Roll a policy out; `purposes` name the environments' seeds and the noise.
+
+        The environments are fresh, or where the card continues episodes those of the last time.
+        """
         rngs = [generator(seed, purposes[1], k, stream) for seed in self.seeds]
-        rollout = collect(env, obs, policy, rngs, n_steps=n_steps, **options)
-        env.close()
+        where = card, self.seeds, n_envs, purposes[0], k
+        if n_steps is not None and card.continues_episodes:
+            name = f"{purposes[0].name.lower()}-{stream}"
+            own = self.streams.get(name)
+            if own is None or own.ended.shape != (len(self.seeds), n_envs):
+                own = self.streams[name] = Stream.begin(*where, stream)
+            rollout = own.collect(policy, rngs, max(1, n_steps // n_envs), record)
+        else:
+            env, obs = start(*where, stream=stream, one_episode=n_steps is None)
+            rollout = collect(
+                env, obs, policy, rngs,
+                n_steps=n_steps, whole=card.ppo.whole_episodes, record=record,
+            )  # fmt: skip
+            env.close()
         self.env_steps += rollout.valid.sum((0, 2))
         return rollout
+
+    def bring_streams_back(self, card: TaskCard) -> list[str]:
+        """Bring the environments of a checkpoint's streams back to where they were.
+
+        Returns:
+            What is to be said where that cannot be; those episodes begin afresh.
+        """
+        if not card.continues_episodes or not self.iteration:
+            return []
+        back = {name: own for name, own in self.streams.items() if own.bring_back(card)}
+        kept, self.streams = self.streams, back
+        if kept and len(back) == len(kept):
+            return []
+        why = "did not come back to where it was" if kept else "cannot be set back into an episode"
+        return [
+            f"the environment {card.env.place} {why}, so its episodes begin afresh: from here on "
+            "this is another run than one without a stop"
+        ]
+
+    def close(self) -> None:
+        """Close the environments that rollouts would have gone on with."""
+        for own in self.streams.values():
+            if own.env:
+                own.env.close()
+        self.streams = {}
 
     def shuffles(self, k: int) -> list[np.random.Generator]:
         """Return each seed's generator for the order of its samples in iteration k."""

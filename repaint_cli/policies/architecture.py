@@ -42,6 +42,8 @@ class NetConfig(Settings):
     """Those of its critic, where they are others."""
     activation: Literal["tanh", "relu", "elu"] = "tanh"
     """What follows the dense layers of an `mlp`."""
+    log_std_init: float = 0.0
+    """log σ that a policy begins with; continuous actions."""
     obs_clip: PositiveFloat | Literal["none"] = 5.0
     """Normalised vectors are clipped to ± this."""
     obs_min_std: float = Field(0.1, ge=0)

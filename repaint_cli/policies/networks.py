@@ -79,6 +79,8 @@ class ActorCritic:
                 if leaf.gain:
                     drawn = torch.from_numpy(orthogonal(rng, leaf.shape, leaf.gain))
                     self.weights[leaf.name].data[s] = drawn
+        if "policy.log_std" in self.weights:
+            self.weights["policy.log_std"].data.fill_(self.net.log_std_init)
 
     def policy(self, obs: Any, counts: Sequence[int] | None = None) -> Distribution:
         """Return π(·|s) for raw observations (S, B, *O).

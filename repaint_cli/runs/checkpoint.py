@@ -13,6 +13,7 @@ from repaint_cli import __version__
 from repaint_cli.errors import CheckpointError
 from repaint_cli.files.atomic import atomic_write
 from repaint_cli.learn.learner import Learner
+from repaint_cli.learn.rollout.stream import Stream
 from repaint_cli.learn.rollout.transitions import Experience
 from repaint_cli.learn.states import below, with_prefix
 from repaint_cli.learn.transfer.course import Course
@@ -26,6 +27,8 @@ from repaint_cli.runs.teachers import RunTeachers
 
 NETWORKS = "net/"
 """Prefix of the leaves of policies and critics."""
+STREAMS = "stream/"
+"""Prefix of what is kept of environments that rollouts go on with."""
 
 
 def save_learner(path: Path, learner: Learner, course: Course, notes: Mapping[str, Any]) -> None:
@@ -35,6 +38,9 @@ def save_learner(path: Path, learner: Learner, course: Course, notes: Mapping[st
     tensors |= course.state()
     if learner.memory:
         tensors |= with_prefix("memory/", learner.memory.state())
+    for name, stream in learner.streams.items():
+        if stream.env and stream.env.replayable:
+            tensors |= with_prefix(f"{STREAMS}{name}/", stream.state())
     counters = {
         "version": __version__,
         "seeds": learner.seeds,
@@ -79,6 +85,9 @@ def _put(
     course.load(tensors)
     memory = below("memory/", tensors)
     learner.memory = Experience.of_state(memory) if memory else None
+    streams = below(STREAMS, tensors)
+    names = sorted({name.partition("/")[0] for name in streams})
+    learner.streams = {name: Stream.of_state(below(name + "/", streams)) for name in names}
     learner.iteration = int(notes["iteration"])
     learner.env_steps = np.array(notes["env_steps"], int).reshape(len(learner.seeds))
 

@@ -97,6 +97,7 @@ class Experiment:
         record.resumed, record.iterations = list(begun.resumed), k
         record.alarms = alarms_until(k, plan.files, begun)
         experiment.notices = [*progress.notices, *record.go_on_with(versions())]
+        experiment.notices += experiment.learner.bring_streams_back(experiment.card)
         experiment.progress = progress
         return experiment
 
@@ -159,6 +160,7 @@ class Experiment:
             if outcome != "finished":
                 self._restore_last_iteration()
             self._write_record(outcome)
+            learner.close()
 
     def save(self, report: Report) -> None:
         """Put an iteration on disk; it counts once its checkpoint is there."""

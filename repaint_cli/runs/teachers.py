@@ -95,9 +95,11 @@ def _check_shares(task: TaskCard, n_acting: int, student_acts: bool) -> None:
     """Check that each share of an iteration's steps is longer than an episode.
 
     Raises:
-        CardError: a share is too short.
+        CardError: a share is too short, and rollouts begin afresh.
     """
     if task.ppo.n_steps is None or task.ppo.n_episodes or not (task.transfer.instance and n_acting):
+        return
+    if task.continues_episodes:
         return
     sharing, need = n_acting + student_acts, task.env.longest_episode() + 1
     if task.ppo.n_steps // sharing < need:

@@ -108,19 +108,42 @@ class TaskCard(Recipe, Task, Titled):
         """
         return self.env.start_options(n_seeds, n_envs, iteration, self.eval.both_directions)
 
-    def check_rollout(self) -> None:
-        """Check that episodes end, and that every environment of a rollout finishes one.
+    @property
+    def continues_episodes(self) -> bool:
+        """Whether a rollout goes on where the last one ended; see `ppo.continue_episodes`.
 
         Raises:
-            CardError: an episode, or with fresh environments each iteration all of them, would not.
+            CardError: the environment does not exist or has no time limit.
+        """
+        ppo = self.ppo
+        if ppo.n_episodes or ppo.n_steps is None or ppo.whole_episodes:
+            return False
+        if ppo.continue_episodes is None:
+            return ppo.n_steps < ppo.n_envs * (self.env.longest_episode() + 1)
+        return ppo.continue_episodes
+
+    def check_rollout(self) -> None:
+        """Check that episodes end, and that a rollout is long enough.
+
+        Raises:
+            CardError: an episode does not end, an environment takes no step, or with fresh
+                environments each iteration an episode would never be seen to its end.
         """
         need = self.env.longest_episode() + 1
         steps, envs = self.ppo.n_steps, self.ppo.n_envs
-        if self.ppo.n_episodes is None and steps and steps < envs * need:
-            advice = f"n_envs={steps // need}" if steps >= need else f"n_steps={envs * need}"
+        if self.ppo.n_episodes is not None or not steps:
+            return
+        if steps < envs:
             raise CardError(
-                f"expected ppo.n_steps / ppo.n_envs of at least {need} (the longest episode + 1), "
-                f"found {steps} / {envs}; try --set ppo.{advice}"
+                f"expected ppo.n_steps of at least ppo.n_envs, a step of each environment, found "
+                f"{steps} and {envs}; try --set ppo.n_envs={steps}"
+            )
+        if steps < envs * need and not self.continues_episodes:
+            fewer = f"ppo.n_envs={max(1, steps // need)}"
+            advice = fewer if steps >= need else f"{fewer} --set ppo.n_steps={need}"
+            raise CardError(
+                f"expected ppo.n_steps / ppo.n_envs of at least {need} (the longest episode + 1) "
+                f"where rollouts begin afresh, found {steps} / {envs}; try --set {advice}"
             )
 
 

@@ -98,7 +98,12 @@ class Task(Settings):
         return self.env.code_at_risk()
 
     def make_env(
-        self, n_envs: int, *, one_episode: bool = False, noise: EvalConfig | None = None
+        self,
+        n_envs: int,
+        *,
+        one_episode: bool = False,
+        noise: EvalConfig | None = None,
+        replayable: bool = False,
     ) -> "RewardTerms":
         """Make N copies of the environment; their rewards are w·φ.
 
@@ -106,14 +111,16 @@ class Task(Settings):
             n_envs: N.
             one_episode: whether environments may stop for good after their first episode.
             noise: the amplitudes of evaluation noise, where it is wanted and the simulator has it.
+            replayable: whether their episodes are to be such as can be played again, if possible.
 
         Raises:
             CardError: the environment cannot be made.
         """
         from repaint_cli.envs.reward_terms import RewardTerms
 
-        env = self.env.make(n_envs, one_episode, noise)
+        made = self.env.make_replayable(n_envs) if replayable else None
+        env = made or self.env.make(n_envs, one_episode, noise)
         code, functions = self.reward_code, self.env.reward_functions
         if code and functions:
             env = functions.apply(env, code.name, code.source)
-        return RewardTerms(env, self.reward)
+        return RewardTerms(env, self.reward, replayable=made is not None)

@@ -38,6 +38,7 @@ RUNS = {
     "compiled": ("reach", "kickstart", "ppo", ()),
     "auto": ("reach", "repaint", "ppo", (AS_WRITTEN, *AUTO)),
     "relevance": ("reach", "instance", "ppo", (AS_WRITTEN, "select.rule=rbt")),
+    "continued": ("reach", "repaint", "ppo", (AS_WRITTEN, "ppo.n_steps=20")),
     "racer": ("racer-inner", "scratch", "ppo", LAP),
     "q-learning": (
         "guess", "instance", "q-learning",

@@ -46,6 +46,15 @@ class GymnasiumSimulator(Simulator):
 
         return make_gym(self.id, n_envs, self.kwargs, self.backend)
 
+    def make_replayable(self, n_envs: int) -> "Environments | None":
+        """Make N copies whose episodes can be played again; EnvPool's cannot."""
+        from repaint_cli.envs.gymnasium.replay import EpisodeSeeds
+        from repaint_cli.envs.gymnasium.vector import make_gym, on_envpool
+
+        if on_envpool(self.id, self.kwargs, self.backend):
+            return None
+        return make_gym(self.id, n_envs, self.kwargs, self.backend, (EpisodeSeeds,))
+
     def longest_episode(self) -> int:
         """Return the time limit, in steps; see `Simulator.longest_episode`."""
         import gymnasium

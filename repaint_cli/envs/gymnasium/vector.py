@@ -6,7 +6,8 @@ episode. SI units are the environment's own.
 """
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from importlib.util import find_spec
 from typing import Any
 
@@ -21,7 +22,11 @@ ENVPOOL_IDS = frozenset({"Reacher-v5", "Ant-v5"})
 
 
 def make_gym(
-    env_id: str, n_envs: int, kwargs: Mapping[str, Any], backend: str = "auto"
+    env_id: str,
+    n_envs: int,
+    kwargs: Mapping[str, Any],
+    backend: str = "auto",
+    wrappers: Sequence[Any] = (),
 ) -> "VectorEnv[Any, Any, Any]":
     """Make `n_envs` copies of a Gymnasium environment that step together.
 
@@ -30,6 +35,7 @@ def make_gym(
         n_envs: N.
         kwargs: passed to the environment; EnvPool serves only environments without any.
         backend: "envpool", "gymnasium", or "auto" for EnvPool where installed and checked.
+        wrappers: of each of Gymnasium's environments; EnvPool's have none.
 
     Raises:
         CardError: Gymnasium does not know the id or refuses the arguments, or EnvPool would.
@@ -39,18 +45,33 @@ def make_gym(
             f"expected no env.kwargs with env.backend envpool, found {', '.join(kwargs)}; "
             "try --set env.backend=gymnasium"
         )
-    checked = env_id in ENVPOOL_IDS and not kwargs
-    try:
-        if backend == "envpool" or (backend == "auto" and checked and find_spec("envpool")):
+    with _constructor_errors(env_id):
+        if on_envpool(env_id, kwargs, backend):
             return EnvPoolVector(env_id, n_envs)
         return gymnasium.make_vec(
             env_id,
             num_envs=n_envs,
             vectorization_mode="sync",
             vector_kwargs={"autoreset_mode": AutoresetMode.NEXT_STEP},
+            wrappers=wrappers,
             **kwargs,
         )
-    except Exception as error:  # constructors of other libraries raise any error
+
+
+def on_envpool(env_id: str, kwargs: Mapping[str, Any], backend: str) -> bool:
+    """Return whether EnvPool serves an environment; see `make_gym`."""
+    checked = env_id in ENVPOOL_IDS and not kwargs
+    return backend == "envpool" or (
+        backend == "auto" and checked and find_spec("envpool") is not None
+    )
+
+
+@contextmanager
+def _constructor_errors(env_id: str) -> Iterator[None]:
+    """Raise any error of a constructor, which is other people's code, as a CardError."""
+    try:
+        yield
+    except Exception as error:  # of any kind
         reason = (str(error).strip() or type(error).__name__).splitlines()[0]
         raise CardError(f"cannot make the environment '{env_id}': {reason}") from error
 

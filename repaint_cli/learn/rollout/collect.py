@@ -33,6 +33,7 @@ def start(
     stream: int = 0,
     one_episode: bool = False,
     noise: bool = False,
+    replayable: bool = False,
 ) -> tuple[RewardTerms, Any]:
     """Make and reset S × N environments with seeds of their own; return the first observations.
 
@@ -40,7 +41,10 @@ def start(
     iteration's ended.
     """
     env = card.make_env(
-        len(seeds) * n_envs, one_episode=one_episode, noise=card.eval if noise else None
+        len(seeds) * n_envs,
+        one_episode=one_episode,
+        noise=card.eval if noise else None,
+        replayable=replayable,
     )
     spread = purpose in (Purpose.EVALUATE, Purpose.SCORE)
     options = card.start_options(len(seeds), n_envs, None if spread else iteration)
@@ -56,6 +60,8 @@ def collect(
     *,
     n_steps: int | None = None,
     whole: bool = False,
+    each_steps: int | None = None,
+    ended: np.ndarray | None = None,
     greedy: bool = False,
     record: Sequence[str] = (),
 ) -> Rollout:
@@ -66,8 +72,12 @@ def collect(
         obs: their first observations, (S · N, *O), or several such arrays by name.
         policy: who acts.
         rngs: one generator per seed for the actions.
-        n_steps: valid steps per seed; where absent, every environment plays exactly one episode.
+        n_steps: valid steps per seed; where this and `each_steps` are absent, every environment
+            plays exactly one episode.
         whole: whether episodes that run when a seed has `n_steps` go on to their ends.
+        each_steps: steps of every environment, with those that begin an episode among them: seeds
+            then stop together, and the environments can go on from there.
+        ended: where an episode ended before the first step, which begins another, (S, N).
         greedy: take the most likely action instead of a sample.
         record: further numbers to keep from `info`.
 
@@ -76,8 +86,10 @@ def collect(
     """
     shape = (len(rngs), env.num_envs // len(rngs))  # (S, N)
     act = _ActingPolicy(policy, _ActionNoise(rngs, shape[1]), greedy)
+    resetting = np.zeros(shape, bool) if ended is None else ended
     with torch.no_grad(), _threads_for(obs):
-        return _roll(env, obs, act, RolloutBuilder(shape, record), n_steps, whole)
+        extent = _Extent(shape, n_steps, whole, each_steps)
+        return _roll(env, obs, act, RolloutBuilder(shape, record), extent, resetting)
 
 
 def _roll(
@@ -85,36 +97,59 @@ def _roll(
     obs: Any,
     act: "_ActingPolicy",
     builder: RolloutBuilder,
-    n_steps: int | None,
-    whole: bool,
+    extent: "_Extent",
+    resetting: np.ndarray,
 ) -> Rollout:
     """Act and step until every seed has enough; see `collect`."""
-    shape = builder.shape
-    taken = np.zeros(shape[0], int)
-    running, resetting, acted = np.ones(shape, bool), np.zeros(shape, bool), np.zeros(shape, bool)
+    shape, acted = builder.shape, np.zeros(builder.shape, bool)
     while True:
-        valid = running & ~resetting
-        if n_steps is not None and not whole:  # no more than the seed still needs
-            valid &= valid.cumsum(1) + taken[:, None] <= n_steps
+        valid = extent.valid(resetting)
+        last_obs = obs
         obs = each(lambda array: array.reshape(*shape, *array.shape[1:]), obs)
         for array in arrays_of(obs):
             _check_finite(array, valid | acted, "an observation", builder.n_steps)
         builder.add_observations(obs, valid | acted)
-        if not running.any():
-            return builder.build()
+        if not extent.running.any():
+            return builder.build(last_obs)
         actions, envs, distribution = act(obs, valid)
         obs, *outcomes, info = env.step(clip(actions, env).reshape(-1, *actions.shape[2:]))
         rewards, terminated, truncated = (array.reshape(shape) for array in outcomes)
         _check_finite(rewards[..., None], valid, "a reward", builder.n_steps)
         builder.add_step(envs, distribution, info, valid, actions, rewards, terminated, truncated)
-        taken += valid.sum(1)
         resetting, acted = terminated | truncated, valid
-        if n_steps is None:
-            running, resetting = running & ~resetting, np.zeros(shape, bool)
-        elif whole:  # no environment begins another episode once its seed has enough
-            running &= ~((resetting | ~valid) & (taken >= n_steps)[:, None])
-        elif (taken >= n_steps).all():
-            running[:] = False
+        extent.advance(valid, resetting)
+
+
+class _Extent:
+    """How far a rollout goes; see `collect`."""
+
+    def __init__(
+        self, shape: tuple[int, int], n_steps: int | None, whole: bool, each_steps: int | None
+    ) -> None:
+        self.running = np.ones(shape, bool)
+        """Which environments go on, (S, N)."""
+        self._n_steps, self._whole, self._left = n_steps, whole, each_steps
+        self._taken = np.zeros(shape[0], int)
+
+    def valid(self, resetting: np.ndarray) -> np.ndarray:
+        """Return whose next step counts, (S, N): no more than the seed still needs."""
+        valid: np.ndarray = self.running & ~resetting
+        if self._n_steps is not None and not self._whole:
+            valid &= valid.cumsum(1) + self._taken[:, None] <= self._n_steps
+        return valid
+
+    def advance(self, valid: np.ndarray, ended: np.ndarray) -> None:
+        """Count a step; `ended` says whose episode it ended, (S, N)."""
+        self._taken += valid.sum(1)
+        if self._left is not None:
+            self._left -= 1
+            self.running &= self._left > 0
+        elif self._n_steps is None:
+            self.running &= ~ended
+        elif self._whole:  # no environment begins another episode once its seed has enough
+            self.running &= ~((ended | ~valid) & (self._taken >= self._n_steps)[:, None])
+        elif (self._taken >= self._n_steps).all():
+            self.running[:] = False
 
 
 @dataclass(frozen=True)

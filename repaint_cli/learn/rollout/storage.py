@@ -41,6 +41,12 @@ class Rollout:
     """Whether the step counts, (T, S, N)."""
     records: dict[str, np.ndarray] = field(default_factory=dict)
     """Further records from `info`, each (T, S, N, …)."""
+    last_obs: Any = None
+    """What was observed after the last step, (S · N, *O), or several such arrays by name."""
+    returns_before: np.ndarray | float = 0.0
+    """What the episodes that run when the rollout begins had earned before it, (S, N)."""
+    lengths_before: np.ndarray | int = 0
+    """Their steps before it, (S, N)."""
 
     @property
     def steps(self) -> Steps:
@@ -50,7 +56,22 @@ class Rollout:
 
     def episodes(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return (seed, return, length) of every episode that ended here, (episodes,) each."""
-        total, length = np.zeros(self.valid.shape[1:]), np.zeros(self.valid.shape[1:], int)
+        ended, _, _ = self._follow_episodes()
+        seeds, returns, lengths = zip(*ended, strict=True) if ended else ((), (), ())
+        return np.array(seeds, int), np.array(returns), np.array(lengths, int)
+
+    def running_episodes(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return what the episodes that run at the end have earned, and their steps, (S, N) each.
+
+        Both are 0 where an episode ended with the last step.
+        """
+        return self._follow_episodes()[1:]
+
+    def _follow_episodes(self) -> tuple[list[tuple[int, float, int]], np.ndarray, np.ndarray]:
+        """Return the episodes that ended, and return and length of those that run, (S, N) each."""
+        shape = self.valid.shape[1:]
+        total, length = np.zeros(shape) + self.returns_before, np.zeros(shape, int)
+        length += self.lengths_before
         ended: list[tuple[int, float, int]] = []
         for t, valid in enumerate(self.valid):
             total += np.where(valid, self.rewards[t], 0)
@@ -58,8 +79,7 @@ class Rollout:
             over = valid & (self.terminations[t] | self.truncations[t])
             ended += [(s, total[s, n], length[s, n]) for s, n in zip(*over.nonzero(), strict=True)]
             total[over], length[over] = 0, 0
-        seeds, returns, lengths = zip(*ended, strict=True) if ended else ((), (), ())
-        return np.array(seeds, int), np.array(returns), np.array(lengths, int)
+        return ended, total, length
 
     def mean_episodes(self) -> tuple[np.ndarray, np.ndarray]:
         """Return each seed's mean return and length of the episodes that ended here, (S,) each.
@@ -76,7 +96,7 @@ class Rollout:
 
     def without_observations(self) -> "Rollout":
         """Return the rollout without its observations, to save memory."""
-        return replace(self, observations=Observations([]))
+        return replace(self, observations=Observations([]), last_obs=None)
 
 
 class RolloutBuilder:
@@ -123,8 +143,8 @@ class RolloutBuilder:
             row = np.array(info[name], float)
             rows.append(row.reshape(*self.shape, *row.shape[1:]))
 
-    def build(self) -> Rollout:
-        """Stack what was stored."""
+    def build(self, last_obs: Any) -> Rollout:
+        """Stack what was stored; `last_obs` was observed after the last step."""
         valid, actions, rewards, terminated, truncated = map(
             np.stack, zip(*self._steps, strict=True)
         )
@@ -132,7 +152,7 @@ class RolloutBuilder:
         return Rollout(
             observations, self._index(), actions, self._log_probs(actions), np.stack(self._terms),
             rewards, terminated, truncated, valid,
-            {name: np.stack(rows) for name, rows in self._records.items()},
+            {name: np.stack(rows) for name, rows in self._records.items()}, last_obs,
         )  # fmt: skip
 
     def _index(self) -> np.ndarray:
