@@ -24,6 +24,7 @@ from repaint_cli.envs.racer.deepracer.simtrace_reader import TRAINING
 from repaint_cli.envs.racer.deepracer.training_metrics import TrainingMetrics
 from repaint_cli.runs.experiment import Experiment
 from repaint_cli.runs.metrics import Report, append_csv
+from repaint_cli.runs.owner import new_run
 from repaint_cli.runs.plan import Plan
 from repaint_cli.runs.record import MOST_ALARMS, Alarm
 from repaint_cli.tasks.card_files import read_task
@@ -44,8 +45,10 @@ def record(kind: str, behind: int) -> float:
     """Return the median time of an iteration's record with so many iterations behind it."""
     task, seeds, settings = RUNS[kind]
     card = read_task(task).with_settings([*settings, "ppo.n_iterations=2"])
-    with TemporaryDirectory(dir=Path.cwd()) as folder:
-        experiment = Experiment.begin(Plan(card, "scratch", seeds, Path(folder) / "run"))
+    with (
+        TemporaryDirectory(dir=Path.cwd()) as folder,
+        new_run(Plan(card, "scratch", seeds, Path(folder) / "run")) as experiment,
+    ):
         iterations = experiment.run()
         report = next(iterations)
         lengthen(experiment, report, behind)

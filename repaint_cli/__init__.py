@@ -78,12 +78,12 @@ def train(
         tensorboard: whether to write TensorBoard events, too.
         watcher: follows the training.
     """
+    from repaint_cli.runs import owner, start
     from repaint_cli.runs.carry_out import carry_out
-    from repaint_cli.runs.start import plan_teacher
 
     card = _card(task, settings, iterations)
-    plan = plan_teacher(card, seeds, name, replace, folder, keep)
-    return carry_out(plan, watcher, tensorboard=tensorboard)
+    plan = start.plan_teacher(card, seeds, name, replace, folder, keep)
+    return carry_out(owner.new_run(plan), watcher, tensorboard=tensorboard)
 
 
 def transfer(
@@ -109,16 +109,16 @@ def transfer(
     ratio and the end of the transfer; `instances_from` names those teachers whose own samples are
     learned from, all where empty. The rest is as in `train`.
     """
+    from repaint_cli.runs import owner, start
     from repaint_cli.runs.carry_out import carry_out
-    from repaint_cli.runs.start import plan_transfer
     from repaint_cli.tasks.presets import automatic_settings
 
     if auto:
         settings = automatic_settings(_listed(settings, "settings"), algorithm, method)
     card = _card(task, settings, iterations)
     named, acting = (_listed(names, "teachers") for names in (teachers, instances_from))
-    plan = plan_transfer(card, named, seeds, method, algorithm, acting, folder, keep)
-    return carry_out(plan, watcher, tensorboard=tensorboard)
+    plan = start.plan_transfer(card, named, seeds, method, algorithm, acting, folder, keep)
+    return carry_out(owner.new_run(plan), watcher, tensorboard=tensorboard)
 
 
 def resume(
@@ -136,10 +136,10 @@ def resume(
     `for_teacher` is True for a run of `train` alone, False for one of `transfer`. See `train`.
     """
     from repaint_cli.runs.carry_out import carry_out
-    from repaint_cli.runs.start import plan_resume
+    from repaint_cli.runs.owner import resumed_run
 
-    plan = plan_resume(Path(folder), iterations, name, replace, for_teacher=for_teacher)
-    return carry_out(plan, watcher, tensorboard=tensorboard)
+    run = resumed_run(Path(folder), iterations, name, replace, for_teacher=for_teacher)
+    return carry_out(run, watcher, tensorboard=tensorboard)
 
 
 def evaluate(

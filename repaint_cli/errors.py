@@ -133,8 +133,7 @@ class RenderError(RepaintError):
     exit_code = 8
 
 
-class Terminated(SystemExit):
+class Terminated(BaseException):
     """A scheduler asked the process to end (SIGTERM)."""
 
-    def __init__(self) -> None:
-        super().__init__(128 + 15)
+    exit_code = 143

@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
@@ -16,18 +17,19 @@ from test_runs import record_of
 
 from repaint_cli.errors import CardError, DivergedError
 from repaint_cli.files import atomic
+from repaint_cli.paths import PACKAGE
 from repaint_cli.runs import start
+from repaint_cli.runs.owner import new_run
 from repaint_cli.runs.reader import read_run
+from repaint_cli.tasks.card_files import read_task
 
-FIXTURES = Path(__file__).parent / "fixtures"
+PATH = os.pathsep.join(map(str, (Path(__file__).parent / "fixtures", PACKAGE.parent)))
 TRAIN = ["transfer", "--method", "scratch", "--task", "bad.toml", "--run", "run"]
 
 
 def process(words, **options):
     """Type a command as another process, from which the environments beside this file are seen."""
-    env = (
-        os.environ | {"PYTHONPATH": str(FIXTURES), "OMP_NUM_THREADS": "1"} | options.pop("env", {})
-    )
+    env = os.environ | {"PYTHONPATH": PATH, "OMP_NUM_THREADS": "1"} | options.pop("env", {})
     return subprocess.Popen(
         [sys.executable, "-m", "repaint_cli", *map(str, words)],
         env=env, stdout=subprocess.PIPE, stderr=subprocess.PIPE, **options,
@@ -125,9 +127,10 @@ def test_a_clock_that_jumps_changes_no_run(repaint, home, monkeypatch):
 def test_two_runs_that_begin_in_a_second_have_folders_of_their_own(home, monkeypatch):
     monkeypatch.setattr(start, "stamp", lambda: "20210718-120000")
     folders = []
-    for _ in range(3):
-        folders.append(start.new_folder(None, "ant", "scratch"))
-        folders[-1].mkdir(parents=True)
+    with ExitStack() as stack:
+        for _ in range(3):
+            plan = start.plan_transfer(read_task("reacher"), [], [0], "scratch", "ppo", [], None, 1)
+            folders.append(stack.enter_context(new_run(plan)).plan.folder)
     assert [folder.name for folder in folders] == [
         "scratch-20210718-120000", "scratch-20210718-120000-2", "scratch-20210718-120000-3",
     ]  # fmt: skip

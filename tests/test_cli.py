@@ -236,8 +236,10 @@ def test_a_warm_start_may_leave_the_critic_and_set_the_spread_anew(home, what):
     path = add_teacher(home / "home" / "zoo")
     settings = [f"transfer.warm_start={what}", "transfer.warm_start_log_std=-0.5"]
     card = read_task("reacher").with_settings([*settings, "ppo.n_steps=204", "ppo.n_envs=4"])
-    fresh = Experiment.begin(Plan(card, "scratch", [0], home / "one")).learner.student.weights
-    student = Experiment.begin(Plan(card, "warm-start", [0], home / "two", (path,))).learner.student
+    fresh = Experiment.prepare(Plan(card, "scratch", [0], home / "one")).learner.student.weights
+    student = Experiment.prepare(
+        Plan(card, "warm-start", [0], home / "two", (path,))
+    ).learner.student
     teacher = weights_of(path)
     for name, leaf in student.weights.items():
         if name == "policy.log_std":

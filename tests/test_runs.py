@@ -27,6 +27,7 @@ from repaint_cli.policies.weights import load
 from repaint_cli.runs import checkpoint, experiment
 from repaint_cli.runs.checkpoint import load_networks
 from repaint_cli.runs.metrics import COLUMNS
+from repaint_cli.runs.owner import new_run
 from repaint_cli.runs.plan import Plan
 from repaint_cli.runs.reader import newest_run, read_run
 from repaint_cli.tasks.card import TaskCard
@@ -134,13 +135,13 @@ def test_a_students_file_names_its_teachers_hash_and_is_a_teacher(repaint, home)
 def test_an_interruption_before_the_first_iteration_is_on_record(home, monkeypatch):
     path = add_teacher(home / "home" / "zoo")
     card = read_task("reacher").with_settings(["transfer.phases=auto", "eval.episodes=2"])
-    run = experiment.Experiment.begin(Plan(card, "repaint", [0], home / "run", (path,)))
 
     def interrupt(*args):
         raise KeyboardInterrupt
 
     monkeypatch.setattr(experiment, "begin_course", interrupt)
-    with pytest.raises(KeyboardInterrupt):
+    plan = Plan(card, "repaint", [0], home / "run", (path,))
+    with pytest.raises(KeyboardInterrupt), new_run(plan) as run:
         next(run.run())
     assert record_of(home / "run")["state"] == "interrupted"
 

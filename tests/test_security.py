@@ -140,7 +140,8 @@ def test_folders_for_what_is_unfinished_are_ours_alone(home):
         modes.append(files.path.stat().st_mode & 0o777)
         start_csv(files.metrics)
 
-    RunFolder(home / "run").claim(write)
+    with RunFolder(home / "run").claimed(write):
+        pass
     assert modes == [0o700]
     assert (home / "run").stat().st_mode & 0o777 == 0o777 & ~UMASK
     assert not list(home.glob(".*"))

@@ -4,13 +4,12 @@ import io
 import os
 import signal
 import sys
-from types import FrameType
 from typing import Annotated
 
 import typer
 from typer.exceptions import Abort, TyperException
 
-from repaint_cli import __version__
+from repaint_cli import __version__, interruption
 from repaint_cli.cli.compare import compare
 from repaint_cli.cli.evaluate import evaluate
 from repaint_cli.cli.help_page import HelpPage
@@ -58,7 +57,7 @@ def about(
 def main() -> None:
     """Run a command; turn what the program can explain into one line on stderr and an exit code."""
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "1")  # looking for some takes a while
-    signal.signal(signal.SIGTERM, _terminate)
+    interruption.listen()
     _replace_unencodable()
     words = [word for word in sys.argv[1:] if word != DEBUG]
     try:
@@ -77,6 +76,8 @@ def main() -> None:
         sys.exit(2)
     except (KeyboardInterrupt, Abort):
         sys.exit(130)
+    except Terminated as end:
+        sys.exit(end.exit_code)
     except BrokenPipeError:  # the reader has ended, as head does
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(128 + signal.SIGPIPE)
@@ -87,11 +88,6 @@ def _replace_unencodable() -> None:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
-
-
-def _terminate(number: int, frame: FrameType | None) -> None:
-    signal.signal(signal.SIGTERM, signal.SIG_IGN)  # once is enough: what follows tidies up
-    raise Terminated
 
 
 def _print_error(message: str) -> None:

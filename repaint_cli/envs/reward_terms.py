@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from gymnasium.vector import VectorEnv, VectorWrapper
 
+from repaint_cli import interruption
 from repaint_cli.envs.simulator import BegunEpisode
 from repaint_cli.errors import CardError, RepaintError
 
@@ -24,6 +25,8 @@ def _environment_errors(when: str) -> Iterator[None]:
             f"the environment failed {when}: {type(error).__name__}: {reason}; see where with "
             "repaint --debug"
         ) from error
+    finally:
+        interruption.check()  # which the environment may have swallowed
 
 
 class RewardTerms(VectorWrapper):

@@ -9,6 +9,10 @@ from repaint_cli.errors import StoreError
 from repaint_cli.files.atomic import write_errors
 
 
+class Locked(StoreError):
+    """Another process has locked the folder."""
+
+
 @contextmanager
 def folder_lock(folder: Path) -> Iterator[None]:
     """Lock a folder; the lock ends with the process, however that ends.
@@ -16,7 +20,7 @@ def folder_lock(folder: Path) -> Iterator[None]:
     Nothing is locked where the operating system or the file system has no such lock.
 
     Raises:
-        StoreError: another process has locked the folder.
+        Locked: another process has locked the folder.
     """
     handle = _acquire(folder)
     try:
@@ -38,7 +42,7 @@ def _acquire(folder: Path) -> int | None:
         fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError as error:
         os.close(handle)
-        raise StoreError(f"{folder} is being written by another process; wait for it") from error
+        raise Locked(f"{folder} is being written by another process; wait for it") from error
     except OSError:
         os.close(handle)
         return None

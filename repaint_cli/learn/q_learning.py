@@ -12,6 +12,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from repaint_cli import interruption
 from repaint_cli.errors import CardError, DivergedError, locate_divergence
 from repaint_cli.learn.learner import Learner
 from repaint_cli.learn.rollout.collect import Policy
@@ -176,6 +177,7 @@ def _learn(
         torch.autograd.backward(loss.sum())
         learner.optimizer.step((counts > 0).tolist(), frozen)
         means.add(counts, metrics)
+        interruption.check()
     return means.numpy()
 
 

@@ -1,12 +1,13 @@
 """Carry out a plan: train, draw what came of it, and add the teacher to the zoo."""
 
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, nullcontext
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 
 import torch
 
+from repaint_cli import interruption
 from repaint_cli.paths import user_zoo
 from repaint_cli.runs.experiment import Experiment
 from repaint_cli.runs.figures import draw_run
@@ -51,19 +52,19 @@ class Watcher:
 
 
 def carry_out(
-    plan: Plan,
+    owned: AbstractContextManager[Experiment],
     watcher: Watcher | None = None,
     *,
     tensorboard: bool = False,
     finish_interrupted: bool = True,
 ) -> TrainedRun:
-    """Train as planned, draw, and write policies and the teacher.
+    """Train, draw, and write policies and the teacher, while the run's folder is held.
 
     Ctrl-C ends the training early: what was finished is drawn and written all the same before it is
     raised again. SIGTERM draws nothing. A run that goes on has the number of threads it began with.
 
     Args:
-        plan: what to do.
+        owned: a run of `owner`, which holds its folder.
         watcher: who follows it.
         tensorboard: whether to write TensorBoard events, too.
         finish_interrupted: whether to draw and write what was finished before Ctrl-C.
@@ -76,16 +77,16 @@ def carry_out(
     if tensorboard:
         require_tensorboard()
     watcher = watcher or Watcher()
-    experiment = Experiment.resume(plan) if plan.begun else Experiment.begin(plan)
-    watcher.begin(experiment)
-    with _threads_of_torch(experiment.record.threads):
-        interruption = _train(experiment, watcher, tensorboard)
-        if interruption and not finish_interrupted:
-            raise interruption
-        trained = _finish(experiment, interruption is not None, tensorboard)
-    watcher.finish(trained, interruption is not None)
-    if interruption:
-        raise interruption
+    with owned as experiment:
+        watcher.begin(experiment)
+        with _threads_of_torch(experiment.record.threads):
+            ended_by = _train(experiment, watcher, tensorboard)
+            if ended_by and not finish_interrupted:
+                raise ended_by
+            trained = _finish(experiment, ended_by is not None, tensorboard)
+        watcher.finish(trained, ended_by is not None)
+    if ended_by:
+        raise ended_by
     return trained
 
 
@@ -114,6 +115,7 @@ def _train(experiment: Experiment, watcher: Watcher, tensorboard: bool) -> Keybo
     except BaseException as error:
         cause = error
         if isinstance(error, KeyboardInterrupt) and experiment.learner.iteration:
+            interruption.arrived()
             return error
         raise
     finally:

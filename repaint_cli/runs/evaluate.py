@@ -1,7 +1,7 @@
 """Evaluate the policies of a run or a teacher, and write how they did."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +14,7 @@ from repaint_cli.provenance import stamp
 from repaint_cli.runs.figures import draw_trajectories
 from repaint_cli.runs.find_policies import Policies
 from repaint_cli.runs.folder import RunFolder
+from repaint_cli.runs.owner import evaluation_folder
 from repaint_cli.tasks.card import TaskCard
 
 
@@ -47,7 +48,8 @@ class Evaluation:
                 "expected an evaluation that keeps observations: keep_observations=True"
             )
         wanted = card.env.filmed_episodes if n_episodes is None else n_episodes
-        card.env.film(self.episodes, path, self.policies.name, min(wanted, card.eval.episodes))
+        with RunFolder(self.policies.folder).locked():
+            card.env.film(self.episodes, path, self.policies.name, min(wanted, card.eval.episodes))
         return path
 
 
@@ -123,15 +125,23 @@ def evaluate_policy(
     )  # fmt: skip
     if on_episodes:
         on_episodes(policies, episodes)
-    files = RunFolder(policies.folder)
+    with evaluation_folder(policies) as files:
+        policies = replace(policies, folder=files.path)
+        written = _write(policies, episodes, seeds, colour)
+        if log_folder:
+            written += _log(policies, episodes, log_folder)
+    return Evaluation(policies, episodes, written)
+
+
+def _write(policies: Policies, episodes: Episodes, seeds: list[int], colour: str) -> list[Path]:
+    """Write eval.json, and the paths where there are any; return the files."""
+    files, n = RunFolder(policies.folder), policies.card.eval.episodes
     written = [files.eval_record]
     write_text(written[0], as_json(_summary(policies, episodes, seeds)))
     panels, title = [(f"{n} episodes", episodes)], f"{policies.name} · seed {seeds[0]}"
-    if draw_trajectories(card, panels, files.eval_trajectories, title, colour):
+    if draw_trajectories(policies.card, panels, files.eval_trajectories, title, colour):
         written.append(files.eval_trajectories)
-    if log_folder:
-        written += _log(policies, episodes, log_folder)
-    return Evaluation(policies, episodes, written)
+    return written
 
 
 def _log(policies: Policies, episodes: Episodes, folder: Path) -> list[Path]:

@@ -40,7 +40,7 @@ TRAINERS = {"ppo": ppo.train, "q-learning": q_learning.train}
 
 @dataclass
 class Experiment:
-    """A run while it runs; `begin` or `resume` make it, `run` yields a report per iteration."""
+    """A run while it runs; `owner` makes it and holds its folder, `run` yields each iteration."""
 
     plan: Plan
     """What to do."""
@@ -63,21 +63,6 @@ class Experiment:
     _logs: list[EpisodeLog] = field(default_factory=list)
 
     @classmethod
-    def begin(cls, plan: Plan) -> "Experiment":
-        """Check the plan, make the student, load the teachers, and only then make the folder.
-
-        Raises:
-            CardError: the task cannot be rolled out as its card says.
-            TeacherMismatch: a teacher does not fit the task.
-            CheckpointError: a teacher's file is damaged.
-            StoreError: the folder exists or cannot be made.
-        """
-        experiment = cls._prepared(plan)
-        plan.files.claim(experiment._write_first)
-        trust.remember(experiment.card)
-        return experiment
-
-    @classmethod
     def resume(cls, plan: Plan) -> "Experiment":
         """Check the plan, and go back to the last finished iteration in its folder.
 
@@ -89,7 +74,7 @@ class Experiment:
             CheckpointError: a teacher's file or the run's own is damaged, or of another run.
         """
         trust.check(plan.target, plan.folder)
-        experiment, begun = cls._prepared(plan), plan.begun
+        experiment, begun = cls.prepare(plan), plan.begun
         assert begun is not None
         progress = restore(plan, experiment.teachers, experiment.learner, experiment.course)
         record, k = experiment.record, experiment.learner.iteration
@@ -102,8 +87,14 @@ class Experiment:
         return experiment
 
     @classmethod
-    def _prepared(cls, plan: Plan) -> "Experiment":
-        """Make all that needs no file of the run."""
+    def prepare(cls, plan: Plan) -> "Experiment":
+        """Check the plan, make the student and load the teachers: all that needs no folder.
+
+        Raises:
+            CardError: the task cannot be rolled out as its card says.
+            TeacherMismatch: a teacher does not fit the task.
+            CheckpointError: a teacher's file is damaged.
+        """
         spaces, teachers = plan.check()
         card = teachers.target
         student = ActorCritic(spaces, card.net, len(plan.seeds))
@@ -121,7 +112,8 @@ class Experiment:
         """The target task as it is carried out."""
         return self.teachers.target
 
-    def _write_first(self, files: RunFolder) -> None:
+    def write_first(self, files: RunFolder) -> None:
+        """Write the first files of a new run into its folder."""
         self.record.write(files)
         start_csv(files.metrics)
 
@@ -131,12 +123,8 @@ class Experiment:
         Whenever this stops, also by Ctrl-C, the last finished iteration is on disk.
 
         Raises:
-            StoreError: another process writes this run, or the disk is full.
+            StoreError: the disk is full.
         """
-        with self.plan.files.locked():
-            yield from self._run()
-
-    def _run(self) -> Iterator[Report]:
         learner, card = self.learner, self.card
         started, outcome = perf_counter() - self.progress.seconds, "interrupted"
         if logs := card.env.logs:

@@ -33,6 +33,7 @@ class Plan:
     method: str
     seeds: list[int]
     folder: Path
+    """Of the run; where it is `numbered`, `owner.new_run` knows the one that it got."""
     teachers: tuple[Path, ...] = ()
     acting: tuple[Path, ...] | None = None
     """Those whose own samples are learned from; all of them where absent."""
@@ -44,6 +45,8 @@ class Plan:
     """Whether it may replace another there."""
     keep: int = 1
     """How many checkpoints to keep."""
+    numbered: bool = False
+    """Whether a number is added to the folder's name where it is taken."""
     begun: RunRecord | None = None
     """The record of a run that goes on; None of a new one."""
 

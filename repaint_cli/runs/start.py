@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import chain, count
 from pathlib import Path
 
 from repaint_cli.errors import NotFound, StoreError, UsageError
@@ -30,7 +29,10 @@ def plan_teacher(
     numbers = checked_seeds(seeds)
     name = new_teacher_name(name or card.name, replace)
     place = new_folder(folder, card.name, "scratch")
-    return Plan(card, "scratch", numbers, place, teacher_name=name, replace=replace, keep=keep)
+    return Plan(
+        card, "scratch", numbers, place, teacher_name=name, replace=replace, keep=keep,
+        numbered=not folder,
+    )  # fmt: skip
 
 
 def plan_transfer(
@@ -50,7 +52,9 @@ def plan_transfer(
     names = [algorithm] * (algorithm != "ppo") + [method, *(path.stem for path in paths)]
     place = new_folder(folder, card.name, "-".join(names))
     acting = find_acting(instances_from, paths)
-    return Plan(card, method, numbers, place, paths, acting, algorithm, keep=keep)
+    return Plan(
+        card, method, numbers, place, paths, acting, algorithm, keep=keep, numbered=not folder
+    )
 
 
 def plan_resume(
@@ -110,15 +114,8 @@ def checked_seeds(seeds: Sequence[int]) -> list[int]:
 
 
 def new_folder(folder: str | Path | None, task: str, what: str) -> Path:
-    """Return the folder of a new run: the one asked for, or runs/<task>/<what>-<stamp>.
-
-    Where a folder has that name already, a number is added.
-    """
-    if folder:
-        return Path(folder)
-    first = RUNS / task / f"{what}-{stamp()}"
-    others = (first.with_name(f"{first.name}-{n}") for n in count(2))
-    return next(folder for folder in chain([first], others) if not folder.exists())
+    """Return the folder of a new run: the one asked for, or runs/<task>/<what>-<stamp>."""
+    return Path(folder) if folder else RUNS / task / f"{what}-{stamp()}"
 
 
 def new_teacher_name(name: str, replace: bool) -> str:

@@ -2,12 +2,15 @@
 
 import os
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import joblib
 
 from repaint_cli.errors import RepaintError, UsageError
 from repaint_cli.runs.carry_out import carry_out
+from repaint_cli.runs.folder import make_new
+from repaint_cli.runs.owner import new_run
 from repaint_cli.runs.plan import Plan
 from repaint_cli.runs.start import checked_seeds, find_teachers, new_folder
 from repaint_cli.tasks.card import TaskCard
@@ -56,7 +59,8 @@ def _plans(
         paths = find_teachers(teachers, method_for("ppo", name))
         plans.append(Plan(card, name, numbers, root / name, paths))
         plans[-1].check()  # better now than after the first method's hours
-    return plans
+    root = make_new(root)
+    return [replace(plan, folder=root / plan.method) for plan in plans]
 
 
 def _carried_out(plans: Sequence[Plan], jobs: int) -> Iterator[Path]:
@@ -85,7 +89,7 @@ def _train(plan: Plan, threads: int | None) -> tuple[Path, RepaintError | None]:
     if threads:
         os.environ["OMP_NUM_THREADS"] = str(threads)  # which EnvPool reads
     try:
-        carry_out(plan, finish_interrupted=False)
+        carry_out(new_run(plan), finish_interrupted=False)
     except RepaintError as error:
         return plan.folder, error
     return plan.folder, None

@@ -17,9 +17,8 @@ from small_learners import trained
 
 from repaint_cli.files import atomic
 from repaint_cli.provenance import versions
-from repaint_cli.runs.experiment import Experiment
-from repaint_cli.runs.plan import Plan, plan_of
-from repaint_cli.runs.reader import read_run
+from repaint_cli.runs.owner import new_run, resumed_run
+from repaint_cli.runs.plan import Plan
 from repaint_cli.tasks.card_files import read_task
 from repaint_cli.zoo import store
 from repaint_cli.zoo.teacher_card import TeacherCard
@@ -76,13 +75,11 @@ def add_teacher(task, folder):
 def go_on(kind, folder, n_iterations=12):
     """Begin a run, or go on with it, to its end."""
     torch.set_num_threads(1)
-    if (folder / "run.json").is_file():
-        run = read_run(folder)
-        experiment = Experiment.resume(plan_of(run.record, run.task, folder))
-    else:
-        experiment = Experiment.begin(plan(kind, folder, n_iterations))
-    for _ in experiment.run():
-        pass
+    begun = (folder / "run.json").is_file()
+    owned = resumed_run(folder) if begun else new_run(plan(kind, folder, n_iterations))
+    with owned as experiment:
+        for _ in experiment.run():
+            pass
 
 
 real_append = os.write

@@ -22,7 +22,7 @@ from repaint_cli.policies.networks import ActorCritic
 from repaint_cli.policies.spaces import Spaces
 from repaint_cli.runs import checkpoint
 from repaint_cli.runs.comparison import as_row, comparison_of
-from repaint_cli.runs.experiment import Experiment
+from repaint_cli.runs.owner import new_run
 from repaint_cli.runs.plan import Plan
 from repaint_cli.runs.reader import read_run
 from repaint_cli.tasks.card_files import read_task
@@ -98,8 +98,9 @@ def teacher_targets(folder):
 
 def run_targets(folder):
     task = reach()
-    for _ in Experiment.begin(Plan(task, "scratch", [0, 1], folder)).run():
-        pass
+    with new_run(Plan(task, "scratch", [0, 1], folder)) as experiment:
+        for _ in experiment.run():
+            pass
 
     def read():
         run = read_run(folder)

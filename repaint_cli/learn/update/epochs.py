@@ -6,6 +6,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from repaint_cli import interruption
 from repaint_cli.errors import DivergedError
 from repaint_cli.learn.rollout.gae import Samples
 from repaint_cli.learn.update.adam import RowAdam
@@ -74,6 +75,7 @@ def take_steps(
             means.add(counts, metrics)
             _check_finite(loss, metrics)
             _step(student, optimizer, loss, (counts > 0).tolist(), spec)
+            interruption.check()
     return spec.of_moved(means.numpy())
 
 

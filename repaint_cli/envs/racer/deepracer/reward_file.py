@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from gymnasium.vector import AutoresetMode, VectorWrapper
 
+from repaint_cli import interruption
 from repaint_cli.errors import CardError
 
 TERM = "function"
@@ -38,6 +39,8 @@ class RewardFunction:
             exec(compile(source, name, "exec"), module)
         except (Exception, SystemExit) as error:
             raise CardError(self._describe(error)) from error
+        finally:
+            interruption.check()  # which their code may have swallowed
         function = module.get("reward_function")
         if not callable(function):
             raise CardError(f"{name}: expected def reward_function(params), found none")
@@ -62,6 +65,8 @@ class RewardFunction:
             paid = self._function(params)
         except (Exception, SystemExit) as error:
             raise CardError(f"{self._describe(error)} ({step})") from error
+        finally:
+            interruption.check()
         try:
             number = float(paid)
         except (TypeError, ValueError):

@@ -14,6 +14,7 @@ import numpy as np
 import torch
 from threadpoolctl import ThreadpoolController
 
+from repaint_cli import interruption
 from repaint_cli.errors import DivergedError
 from repaint_cli.learn.rollout.gae import Samples
 from repaint_cli.learn.update.adam import RowAdam
@@ -74,6 +75,7 @@ def take_steps(
         jobs += [partial(_value_steps, seed, returns[seed.s], of_critic[seed.s]) for seed in seeds]
     with _blas().limit(limits=1), ThreadPoolExecutor(torch.get_num_threads()) as pool:
         steps = list(pool.map(lambda job: job(), jobs))
+    interruption.check()
     means = _means(np.concatenate([of_policy, of_critic], 2), np.array(steps[: len(counts)]))
     return _as_written(means, spec)
 

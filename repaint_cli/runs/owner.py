@@ -1,0 +1,80 @@
+"""The owner of a run: chooses its folder, locks, reads, and unlocks it when all is written."""
+
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import replace
+from pathlib import Path
+
+from repaint_cli.files.lock import Locked
+from repaint_cli.provenance import stamp
+from repaint_cli.runs.experiment import Experiment
+from repaint_cli.runs.find_policies import Policies
+from repaint_cli.runs.folder import RUNS, RunFolder, make_new
+from repaint_cli.runs.plan import Plan
+from repaint_cli.runs.reader import read_run
+from repaint_cli.runs.start import plan_resume
+from repaint_cli.tasks import trust
+
+
+@contextmanager
+def new_run(plan: Plan) -> Iterator[Experiment]:
+    """Check a plan, and only then make the run's folder; hold it as long as the block lasts.
+
+    Raises:
+        CardError: the task cannot be rolled out as its card says.
+        TeacherMismatch: a teacher does not fit the task.
+        CheckpointError: a teacher's file is damaged.
+        StoreError: the folder exists or cannot be made.
+    """
+    experiment = Experiment.prepare(plan)
+    with plan.files.claimed(experiment.write_first, numbered=plan.numbered) as files:
+        experiment.plan = replace(plan, folder=files.path)
+        trust.remember(experiment.card)
+        yield experiment
+
+
+@contextmanager
+def resumed_run(
+    folder: Path,
+    iterations: int | None = None,
+    teacher_name: str | None = None,
+    replace_teacher: bool = False,
+    *,
+    for_teacher: bool | None = None,
+) -> Iterator[Experiment]:
+    """Hold a run's folder as long as the block lasts, and only then read it; see `plan_resume`.
+
+    Raises:
+        StoreError: another process holds the folder.
+        RepaintError: the run cannot go on; see `plan_resume` and `Experiment.resume`.
+    """
+    if not RunFolder(folder).is_run():
+        read_run(folder, to_resume=True)  # which says so
+    with RunFolder(folder).locked():
+        plan = plan_resume(
+            folder, iterations, teacher_name, replace_teacher, for_teacher=for_teacher
+        )
+        yield Experiment.resume(plan)
+
+
+@contextmanager
+def evaluation_folder(policies: Policies) -> Iterator[RunFolder]:
+    """Hold the folder that an evaluation is written to as long as the block lasts.
+
+    It is the run's; or a new one where the policies are no run's, other settings were tried, or
+    another process trains or evaluates the run.
+
+    Raises:
+        StoreError: the folder cannot be made.
+    """
+    run, apart = policies.run_folder, policies.folder
+    with ExitStack() as stack:
+        if policies.folder == run:
+            try:
+                stack.enter_context(RunFolder(run).locked())
+            except Locked:
+                apart = RUNS / policies.card.name / f"eval-{run.name}-{stamp()}"
+            else:
+                yield RunFolder(run)
+                return
+        yield RunFolder(make_new(apart))
