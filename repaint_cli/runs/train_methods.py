@@ -2,11 +2,13 @@
 
 import os
 from collections.abc import Iterator, Sequence
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
 import joblib
 
+from repaint_cli import interruption
 from repaint_cli.errors import RepaintError, UsageError
 from repaint_cli.runs.carry_out import carry_out
 from repaint_cli.runs.folder import make_new
@@ -72,10 +74,12 @@ def _carried_out(plans: Sequence[Plan], jobs: int) -> Iterator[Path]:
     threads = None if jobs == 1 else max(1, _cores() // jobs)
     with joblib.parallel_config("loky", inner_max_num_threads=threads):
         workers = joblib.Parallel(n_jobs=jobs, return_as="generator_unordered")
-    for folder, problem in workers(joblib.delayed(_train)(plan, threads) for plan in plans):
-        if problem:
-            raise problem
-        yield folder
+    outcomes = workers(joblib.delayed(_train)(plan, threads, os.getpid()) for plan in plans)
+    with closing(outcomes):  # which ends the processes
+        for folder, problem in outcomes:
+            if problem:
+                raise problem
+            yield folder
 
 
 def _cores() -> int:
@@ -84,8 +88,13 @@ def _cores() -> int:
     return int(wanted) if wanted.isdecimal() and int(wanted) else os.cpu_count() or 1
 
 
-def _train(plan: Plan, threads: int | None) -> tuple[Path, RepaintError | None]:
-    """Train as planned and draw the run; a process of several has its own threads."""
+def _train(plan: Plan, threads: int | None, starter: int) -> tuple[Path, RepaintError | None]:
+    """Train as planned and draw the run; a process of several has its own threads.
+
+    It ends with the process that started it, however that ends.
+    """
+    if os.getpid() != starter:
+        interruption.end_with(starter)
     if threads:
         os.environ["OMP_NUM_THREADS"] = str(threads)  # which EnvPool reads
     try:

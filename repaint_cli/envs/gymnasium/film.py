@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from repaint_cli import interruption
 from repaint_cli.errors import RenderError
 from repaint_cli.files.atomic import atomic_write
 from repaint_cli.paths import PACKAGE
@@ -209,6 +210,7 @@ def _return(rewards: Sequence[float] | None, t: int) -> str:
 
 def main(task: str) -> int:
     """Do one task of the child, return its exit code; an error is a line on standard output."""
+    interruption.end_with(os.getppid())
     try:
         if task == "probe":
             return 0 if probe() else 1
