@@ -81,8 +81,7 @@ def train(
     from repaint_cli.runs import owner, start
     from repaint_cli.runs.carry_out import carry_out
 
-    card = _card(task, settings, iterations)
-    plan = start.plan_teacher(card, seeds, name, replace, folder, keep)
+    plan = start.plan_teacher(_card(task, settings, iterations), seeds, name, replace, folder, keep)
     return carry_out(owner.new_run(plan), watcher, tensorboard=tensorboard)
 
 
@@ -210,33 +209,34 @@ def compare(
     picture: Name | None = None,
     report: Name | None = None,
     on_comparison: "OnComparison | None" = None,
+    replace: bool = False,
 ) -> "ComparedRuns":
     """Compare runs of one task by returns, and by what they took to reach a target.
 
     `reference` is the run or method that others are compared with, scratch where absent, `target`
     the score to reach, its best mean where absent. The curves are drawn in `picture`, compare.png
-    where absent; or, with tables and a page that explains them, in the folder `report`. Before that
-    `on_comparison` is called with the numbers.
+    where absent; or, with tables and a page that explains them, in the folder `report`; `replace`
+    allows for files there that repaint did not write. Before that `on_comparison` is called.
     """
     from repaint_cli.runs.compare import compare_runs
 
     runs = [Path(folder) for folder in _listed(folders, "folders")]
-    return compare_runs(runs, reference, target, picture, report, on_comparison)
+    return compare_runs(runs, reference, target, picture, report, on_comparison, replace)
 
 
 def play_runs(
     folders: Sequence[Name],
     picture: Name = "compare-trajectories.png",
     on_run: "OnEvaluatedRun | None" = None,
+    replace: bool = False,
 ) -> "list[EvaluatedRun]":
     """Let the last policies of runs on one track play, and draw their first seeds' paths.
 
-    `on_run` is called with each run as it was evaluated.
+    `on_run` is called with each run as it was evaluated; `replace` is as in `compare`.
     """
     from repaint_cli.runs.compare import compare_paths
 
-    runs = [Path(folder) for folder in _listed(folders, "folders")]
-    return compare_paths(runs, Path(picture), on_run)
+    return compare_paths([*map(Path, _listed(folders, "folders"))], Path(picture), on_run, replace)
 
 
 def _card(task: AnyTask, settings: Sequence[str], iterations: int | None) -> "TaskCard":

@@ -103,6 +103,12 @@ class DivergedError(RepaintError):
         )
 
 
+def some(names: Sequence[str], most: int = 8, between: str = ", ") -> str:
+    """Return the first of some names for a message, and how many more there are."""
+    rest = f" and {len(names) - most:,} more" if len(names) > most else ""
+    return between.join(names[:most]) + rest
+
+
 @contextmanager
 def locate_divergence(seeds: Sequence[int], moment: str) -> Iterator[None]:
     """Put before the text of a DivergedError when it was raised, and for which run seed.

@@ -19,6 +19,9 @@ from pydantic import (
     model_validator,
 )
 
+MOST_SEEDS = 1000
+"""Run seeds that train side by side, at most."""
+
 
 class Settings(BaseModel):
     """A frozen record that refuses unknown keys and numbers that are not finite."""

@@ -28,11 +28,11 @@ WHILE_IT_BEGINS = [
 
 def test_a_resume_that_is_late_for_its_lock_reads_what_another_has_done(repaint, home):
     repaint(*SCRATCH)
-    late = Delayed(["transfer", "--resume", "run", "--iterations", 5], BEFORE_THE_LOCK)
+    late = Delayed(["transfer", "--resume", "run"], BEFORE_THE_LOCK)
     late.wait()
     assert repaint("transfer", "--resume", "run", "--iterations", 4).code == 0
     assert late.go_on() == 0
-    repaint(*SCRATCH, "--run", "calm", "--iterations", 5)
+    repaint(*SCRATCH, "--run", "calm", "--iterations", 4)
     assert_same(home / "run", home / "calm")
 
 

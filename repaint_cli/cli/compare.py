@@ -29,7 +29,7 @@ def compare(options: CompareOptions) -> None:
     if options.task:
         folders += _train(options, folders)
     if options.trajectories:
-        _play(folders, options.output or Path("compare-trajectories.png"), options.json)
+        _play(options, folders)
     else:
         _compare(options, folders, target)
 
@@ -53,6 +53,7 @@ def _compare(options: CompareOptions, folders: list[Path], target: float | None)
         picture=options.output,
         report=options.report,
         on_comparison=show,
+        replace=options.replace,
     )
     if not options.json:
         print_written(compared.written, "repaint transfer --help")
@@ -63,8 +64,10 @@ def _train(options: CompareOptions, folders: list[Path]) -> list[Path]:
     from rich.console import Console
 
     import repaint_cli
-    from repaint_cli.runs.compare import check_reference
+    from repaint_cli.runs.compare import check_places, check_reference
 
+    paths = options.trajectories
+    check_places(options.output, options.report, paths=paths, replace=options.replace)
     methods = DEFAULT_METHODS if options.methods is None else options.methods
     check_reference(options.reference, folders, methods.split(","))
     seeds = seed_list(options.seed or 0, 3 if options.seeds is None else options.seeds)
@@ -78,18 +81,19 @@ def _train(options: CompareOptions, folders: list[Path]) -> list[Path]:
     return sorted(trained, key=lambda folder: names.index(folder.name))
 
 
-def _play(folders: list[Path], picture: Path, as_json: bool) -> None:
+def _play(options: CompareOptions, folders: list[Path]) -> None:
     """Let the last policies of runs play, and draw their paths side by side."""
     import repaint_cli
     from repaint_cli.cli.episode_table import table
     from repaint_cli.cli.screen import out, print_written
 
     def show(one: "EvaluatedRun") -> None:
-        if not as_json:
+        if not options.json:
             out.print(table(one.label, one.run.seeds, one.run.task.env, one.episodes))
 
-    evaluated = repaint_cli.play_runs(folders, picture, on_run=show)
-    if as_json:
+    picture = options.output or Path("compare-trajectories.png")
+    evaluated = repaint_cli.play_runs(folders, picture, on_run=show, replace=options.replace)
+    if options.json:
         print(json.dumps([one.as_json() for one in evaluated], indent=2))
     else:
         print_written([picture], "repaint compare --help")

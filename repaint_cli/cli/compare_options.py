@@ -87,6 +87,9 @@ class CompareOptions(NamedTuple):
         option(WRITE, "FILE", "The picture. Default: compare.png."),
         Rule(options=WITHOUT_REPORT),
     ] = None
+    replace: Annotated[
+        bool, option(WRITE, None, "Replace files that repaint did not write.", "--replace")
+    ] = False
     json: AsJson = False
     trajectories: Annotated[
         bool,

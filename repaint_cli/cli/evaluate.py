@@ -1,12 +1,12 @@
 """`repaint eval`."""
 
-import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 from repaint_cli.cli.option_rules import parsed_into, settings_of
 from repaint_cli.cli.option_values import seed_list
 from repaint_cli.cli.options import HOW, WRITE, Set, argument, option
+from repaint_cli.files.commands import command
 
 if TYPE_CHECKING:
     from repaint_cli.envs.episodes import Episodes
@@ -101,19 +101,19 @@ def evaluate(options: EvaluateOptions) -> None:
         colour=options.colour or "",
         on_episodes=show,
     )
-    written, command = list(evaluation.written), _next_command(options, evaluation.policies)
+    written, following = list(evaluation.written), _next_command(options, evaluation.policies)
     if options.render_offscreen:
         try:
             written.append(evaluation.film(options.video_episodes))
         except RenderError:
-            print_written(written, command)
+            print_written(written, following)
             raise
-    print_written(written, command)
+    print_written(written, following)
 
 
 def _next_command(options: EvaluateOptions, policies: "Policies") -> str:
     """Return the next command worth typing."""
     if policies.teacher is None:
-        return f"repaint compare {shlex.quote(str(policies.run_folder.parent))}/*"
+        return command("repaint compare {}/*", policies.run_folder.parent)
     name = options.task if policies.teacher.task.reward_code else options.policy
-    return f"repaint similarity {shlex.quote(str(name))}"
+    return command("repaint similarity {}", str(name))

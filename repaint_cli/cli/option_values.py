@@ -1,6 +1,7 @@
 """Values of options that are more than a number or a name, and the settings behind them."""
 
 from repaint_cli.errors import NotFound, UsageError
+from repaint_cli.settings import MOST_SEEDS
 from repaint_cli.tasks.presets import PRESETS
 
 
@@ -19,12 +20,14 @@ def seed_list(first: int, how_many: int) -> list[int]:
     """Return the run seeds that --seed and --seeds ask for.
 
     Raises:
-        UsageError: the number of seeds is below 1, or the first seed is negative.
+        UsageError: the number of seeds is below 1 or too large, or the first seed is negative.
     """
     if how_many < 1 or first < 0:
         raise UsageError(
             f"expected --seeds of at least 1 and --seed of at least 0, found {how_many} and {first}"
         )
+    if how_many > MOST_SEEDS:
+        raise UsageError(f"expected --seeds of at most {MOST_SEEDS:,}, found {how_many}")
     return list(range(first, first + how_many))
 
 

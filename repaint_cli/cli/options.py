@@ -88,5 +88,8 @@ Replace = Annotated[
     option(WHERE, None, "Replace a teacher of this name in your zoo.", "--replace"),
     Rule(resumable=True),
 ]
+ReplaceFiles = Annotated[
+    bool, option(OPTIONS, None, "Replace files that repaint did not write.", "--replace")
+]
 AsJson = Annotated[bool, option(WRITE, None, "Print JSON.", "--json")]
 Yes = Annotated[bool, option(OPTIONS, None, "Do not ask.", "--yes")]

@@ -1,6 +1,5 @@
 """What people see during a run: a live display on a terminal, a line per iteration elsewhere."""
 
-import shlex
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -12,6 +11,7 @@ from rich.text import Text
 
 from repaint_cli.cli.console import literal
 from repaint_cli.errors import StoreError, Terminated
+from repaint_cli.files.commands import command
 from repaint_cli.runs.carry_out import TrainedRun, Watcher
 from repaint_cli.runs.experiment import Experiment
 from repaint_cli.runs.metrics import Report
@@ -98,10 +98,10 @@ class Screen(Watcher):
 
 def next_command(trained: TrainedRun) -> str:
     """Return the next command worth typing after a run that was trained to its end."""
-    policy = shlex.quote(str(trained.run.folder))
+    policy = str(trained.run.folder)
     if trained.teacher and not trained.plan.task.reward_code:  # never run from a teacher's file
         policy = str(trained.plan.teacher_name)
-    return f"repaint eval {policy} --render-offscreen"
+    return command("repaint eval {} --render-offscreen", policy)
 
 
 def numbers_of(report: Report) -> str:
@@ -116,11 +116,11 @@ def numbers_of(report: Report) -> str:
     return " · ".join(parts)
 
 
-def print_written(files: Sequence[Path], command: str) -> None:
+def print_written(files: Sequence[Path], following: str) -> None:
     """Print every file written, folder by folder, and the next command worth typing."""
     folders: dict[Path, list[str]] = {}
     for path in files:
         folders.setdefault(path.parent, []).append(path.name)
     for folder, names in folders.items():
         out.print(f"wrote [bold]{literal(folder)}/[/bold]: {literal(', '.join(names))}")
-    out.print(f"next: [bold]{literal(command)}[/bold]")
+    out.print(f"next: [bold]{literal(following)}[/bold]")

@@ -1,7 +1,7 @@
 """`repaint tasks list | show | copy | check | trust`."""
 
+import os
 import re
-import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -68,17 +68,20 @@ def copy(
         repaint tasks copy reacher my-task.toml
         repaint tasks copy racer-outer my-race.toml
     """
+    from repaint_cli.cli.console import plain
     from repaint_cli.errors import StoreError
     from repaint_cli.files.atomic import write_text
+    from repaint_cli.files.commands import command
     from repaint_cli.tasks.card_files import read_task
 
     card = read_task(name)
     if file.suffix != ".toml":
         raise StoreError(f"expected a file that ends in .toml, found '{file}'")
-    if file.exists():
+    if os.path.lexists(file):
         raise StoreError(f"{file} exists already; give another name")
-    write_text(file, to_toml(card))
-    print(f"wrote {file}\nnext: repaint train-teacher --task {shlex.quote(str(file))}")
+    write_text(file, to_toml(card), new=True)
+    following = command("repaint train-teacher --task {}", file)
+    print(plain(f"wrote {file}\nnext: {following}"))
 
 
 @tasks.command(cls=HelpPage)
@@ -97,14 +100,16 @@ def check(
     """
     from repaint_cli.cli.console import plain
     from repaint_cli.envs.registry import simulator_classes
+    from repaint_cli.files.foreign import check_replaceable
     from repaint_cli.learn.evaluation import try_out
     from repaint_cli.tasks.card_files import read_task
 
     for simulator in simulator_classes():
         if checked := simulator.check_file(name):
-            print(f"{checked.name} is sound: {checked.facts}")
+            print(plain(f"{checked.name} is sound: {checked.facts}"))
+            check_replaceable([checked.picture], advice="move it, or check from another folder")
             checked.draw()
-            print(f"wrote {checked.picture}\nnext: {checked.next_command}")
+            print(plain(f"wrote {checked.picture}\nnext: {checked.next_command}"))
             return
     card = read_task(name)
     spaces, paid = try_out(card)

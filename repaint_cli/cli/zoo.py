@@ -1,15 +1,15 @@
 """`repaint zoo list | show | verify | export | remove`; `add` has a file of its own."""
 
-import shlex
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from repaint_cli.cli.help_page import OPTIONS, HelpPage
-from repaint_cli.cli.options import Yes, argument, option
+from repaint_cli.cli.options import ReplaceFiles, Yes, argument, option
 from repaint_cli.cli.zoo_add import add
-from repaint_cli.errors import CardError, CheckpointError
+from repaint_cli.errors import CardError, CheckpointError, some
+from repaint_cli.files.commands import command
 from repaint_cli.paths import user_zoo
 
 zoo = typer.Typer(no_args_is_help=True, help="List, show, check, add, export, remove teachers.")
@@ -59,7 +59,7 @@ def _fitting(task: str) -> list[str]:
     from repaint_cli.zoo.store import fitting
 
     card = read_task(task)
-    return fitting(card, spaces_of(card))
+    return list(fitting(card, spaces_of(card)))
 
 
 @zoo.command(cls=HelpPage)
@@ -121,7 +121,7 @@ def verify(
         except (CheckpointError, CardError) as error:
             bad.append(f"{each}: {error}")
     if bad:
-        raise CheckpointError("; ".join(bad))
+        raise CheckpointError(some(bad, between="; "))
 
 
 @zoo.command(cls=HelpPage)
@@ -133,6 +133,7 @@ def export(
     onnx: Annotated[
         bool, option(OPTIONS, None, "Also write the policy as ONNX.", "--onnx")
     ] = False,
+    replace: ReplaceFiles = False,
 ) -> None:
     """Write a teacher, card.json and a page to a folder.
 
@@ -144,8 +145,8 @@ def export(
     from repaint_cli.zoo.export import export
     from repaint_cli.zoo.store import find
 
-    written = export(find(name), folder, onnx=onnx)
-    print_written(written, f"repaint zoo verify {shlex.quote(str(written[0]))}")
+    written = export(find(name), folder, onnx=onnx, replace=replace)
+    print_written(written, command("repaint zoo verify {}", written[0]))
 
 
 @zoo.command(cls=HelpPage)

@@ -1,12 +1,12 @@
 """`repaint zoo add`."""
 
-import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 from repaint_cli.cli.option_rules import parsed_into
 from repaint_cli.cli.options import Replace, argument, option
 from repaint_cli.errors import NotFound, UsageError
+from repaint_cli.files.commands import command
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -100,8 +100,8 @@ def add(options: AddOptions) -> None:
         out.print(f"score on {card.task.name}: {score} over {card.score.episodes} episodes")
     card = card.model_copy(update={"name": name})
     path = store.add(network, 0, card, user_zoo(), replace=options.replace)
-    target = shlex.quote(options.task or card.task.name)
-    print_written([path], f"repaint transfer --teacher {name} --task {target}")
+    target = options.task or card.task.name
+    print_written([path], command("repaint transfer --teacher {} --task {}", name, target))
 
 
 def _read_own(options: AddOptions) -> "tuple[ActorCritic, TeacherCard]":

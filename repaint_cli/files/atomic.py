@@ -89,13 +89,13 @@ def write_errors(path: Path) -> Iterator[None]:
         raise StoreError(f"cannot write {path}: {error.strerror or error}") from error
 
 
-def write_text(path: Path, text: str) -> None:
-    """Write a small text file, whole or not at all.
+def write_text(path: Path, text: str, *, new: bool = False) -> None:
+    """Write a small text file, whole or not at all; it must not exist yet if it is to be `new`.
 
     Raises:
         StoreError: the file cannot be written; `path` is as it was.
     """
-    with atomic_write(path) as temporary:
+    with atomic_write(path, new=new) as temporary:
         temporary.write_text(text, encoding="utf-8")
 
 

@@ -15,6 +15,7 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 from repaint_cli.files.atomic import atomic_write
+from repaint_cli.files.foreign import PICTURE_MARK
 
 INK, FAINT = "#222222", "#8c8c8c"
 TITLE_SIZE, TEXT_SIZE, NOTE_SIZE = 12, 10, 8.5
@@ -105,6 +106,8 @@ def save(figure: Figure, path: Path) -> None:
     with atomic_write(path) as scratch:
         if path.suffix == ".svg":
             with matplotlib.rc_context({"svg.hashsalt": "repaint", "svg.fonttype": "none"}):
-                figure.savefig(scratch, format="svg", metadata={"Date": None})
+                figure.savefig(
+                    scratch, format="svg", metadata={"Date": None, "Creator": PICTURE_MARK}
+                )
         else:
-            figure.savefig(scratch, format="png", dpi=DPI, metadata={"Software": None})
+            figure.savefig(scratch, format="png", dpi=DPI, metadata={"Software": PICTURE_MARK})

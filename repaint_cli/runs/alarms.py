@@ -128,6 +128,29 @@ def _check_against(
         )
 
 
+def schedule_warnings(task: TaskCard, begun: bool) -> list[str]:
+    """Return a sentence for each schedule that is at 0 before the run ends.
+
+    Args:
+        task: as it is carried out.
+        begun: whether the run has begun, and keeps its settings.
+    """
+    ppo, n = task.ppo, task.ppo.n_iterations
+    decays = [("learning_rate", "learning_rate_decay", "nothing is learned")]
+    if ppo.objective == "clipped":
+        decays.append(("clip_range", "clip_decay", "policies hardly learn"))
+    sentences = []
+    for name, decay, effect in decays:
+        end = getattr(ppo, decay)
+        if end is not None and end < n:
+            way = "the run keeps it as it began" if begun else f"try --set ppo.{decay}={n}"
+            sentences.append(
+                f"ppo.{name} is 0 from iteration {end + 1} of {n} on, where {effect} "
+                f"(ppo.{decay} is {end}); {way}"
+            )
+    return sentences
+
+
 def _mean(report: Report, name: str) -> float:
     """Return a number's mean over the seeds that have it, nan if none has."""
     known = report.stats.metrics.get(name, np.empty(0))

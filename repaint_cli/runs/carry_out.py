@@ -15,7 +15,7 @@ from repaint_cli.runs.metrics import Report
 from repaint_cli.runs.plan import Plan
 from repaint_cli.runs.reader import RecordedRun, read_run
 from repaint_cli.runs.record import Alarm
-from repaint_cli.runs.tensorboard import Events, require_tensorboard
+from repaint_cli.runs.tensorboard import Events, is_installed, require_tensorboard
 
 
 @dataclass(frozen=True)
@@ -78,6 +78,7 @@ def carry_out(
         require_tensorboard()
     watcher = watcher or Watcher()
     with owned as experiment:
+        tensorboard = tensorboard or _goes_on_with_events(experiment)
         watcher.begin(experiment)
         with _threads_of_torch(experiment.record.threads):
             ended_by = _train(experiment, watcher, tensorboard)
@@ -88,6 +89,17 @@ def carry_out(
     if ended_by:
         raise ended_by
     return trained
+
+
+def _goes_on_with_events(experiment: Experiment) -> bool:
+    """Tell whether a run began with TensorBoard's events, and can go on with them."""
+    if not experiment.plan.files.tensorboard.is_dir():
+        return False
+    if not is_installed():
+        experiment.notices.append(
+            "TensorBoard is not installed: its events go on when the run is resumed with it"
+        )
+    return is_installed()
 
 
 @contextmanager
@@ -105,7 +117,8 @@ def _train(experiment: Experiment, watcher: Watcher, tensorboard: bool) -> Keybo
     """Train; return what ended it early, if that left something to draw."""
     plan = experiment.plan
     cause: BaseException | None = None
-    events = Events(plan.files.tensorboard, plan.seeds) if tensorboard else nullcontext()
+    k = experiment.learner.iteration
+    events = Events(plan.files, plan.seeds, k) if tensorboard else nullcontext()
     try:
         with events as writer:
             for report in experiment.run():

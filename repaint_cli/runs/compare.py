@@ -6,15 +6,19 @@ from pathlib import Path
 from typing import Any
 
 from repaint_cli.envs.episodes import Episodes
-from repaint_cli.errors import CardError, UsageError
+from repaint_cli.errors import CardError, UsageError, some
+from repaint_cli.files.foreign import check_replaceable
 from repaint_cli.learn.evaluation import evaluate
 from repaint_cli.learn.seeding import Purpose
 from repaint_cli.runs.comparison import REFERENCE, Comparison, comparison_of, reference_of
-from repaint_cli.runs.comparison_report import title_of, write_report
+from repaint_cli.runs.comparison_report import report_files, title_of, write_report
 from repaint_cli.runs.figures import draw_curves, draw_trajectories
 from repaint_cli.runs.find_policies import last_policies
 from repaint_cli.runs.folder import RunFolder
 from repaint_cli.runs.reader import RecordedRun, read_run
+
+PICTURE, PATHS_PICTURE = "compare.png", "compare-trajectories.png"
+"""What is drawn where no name is given."""
 
 EPISODES = 20
 """Episodes that the paper draws of each policy."""
@@ -64,23 +68,47 @@ def compare_runs(
     picture: str | Path | None = None,
     report: str | Path | None = None,
     on_comparison: OnComparison | None = None,
+    replace: bool = False,
 ) -> ComparedRuns:
     """Compare runs of one task, and draw their curves or write a report; see `repaint_cli.compare`.
 
     Raises:
         NotFound: there is no such folder or reference.
         CardError: the runs are of several tasks, or there is no run.
-        StoreError: a file cannot be written.
+        StoreError: a file cannot be written, or one is there that repaint did not write.
     """
+    check_places(picture, report, replace=replace)
     runs = read_runs(folders)
     comparison = comparison_of(runs, reference_of(runs, str(reference or REFERENCE)), target)
     if on_comparison:
         on_comparison(comparison)
     if report:
         return ComparedRuns(runs, comparison, write_report(runs, comparison, Path(report)))
-    picture = Path(picture or "compare.png")
+    picture = Path(picture or PICTURE)
     draw_curves(runs, picture, title_of(comparison), comparison.target)
     return ComparedRuns(runs, comparison, [picture])
+
+
+def check_places(
+    picture: str | Path | None,
+    report: str | Path | None,
+    *,
+    paths: bool = False,
+    replace: bool = False,
+) -> None:
+    """Check that what will be written replaces only what repaint wrote, or what it may.
+
+    Args:
+        picture: of the curves or paths.
+        report: the folder that is written in its place.
+        paths: whether paths are drawn.
+        replace: whether other files may be replaced.
+
+    Raises:
+        StoreError: a file is there that repaint did not write.
+    """
+    picture = Path(picture or (PATHS_PICTURE if paths else PICTURE))
+    check_replaceable(report_files(Path(report)) if report else [picture], replace)
 
 
 def read_runs(folders: Sequence[Path]) -> dict[str, RecordedRun]:
@@ -95,7 +123,7 @@ def read_runs(folders: Sequence[Path]) -> dict[str, RecordedRun]:
     runs = _with_iterations(folders)
     tasks = sorted({run.task.name for run in runs})
     if len(tasks) != 1:
-        raise CardError(f"expected runs of one task, found {', '.join(tasks) or 'no run'}")
+        raise CardError(f"expected runs of one task, found {some(tasks) or 'no run'}")
     for run in runs:
         if part := run.task.difference(runs[0].task):
             raise CardError(
@@ -128,19 +156,23 @@ def check_reference(reference: str | None, folders: Sequence[Path], methods: Seq
 
 
 def compare_paths(
-    folders: Sequence[Path], picture: Path, on_run: OnEvaluatedRun | None = None
+    folders: Sequence[Path],
+    picture: Path,
+    on_run: OnEvaluatedRun | None = None,
+    replace: bool = False,
 ) -> list[EvaluatedRun]:
     """Let the last policies of runs play, and draw the first seeds' paths side by side.
 
     Raises:
         NotFound: there is no such folder.
         CardError: there is no run, the runs are of several places, or their tasks have no paths.
-        StoreError: the picture cannot be written.
+        StoreError: the picture cannot be written, or replaces what repaint did not write.
     """
+    check_replaceable([picture], replace)
     runs = _with_iterations(folders)
     places = sorted({run.task.env.place for run in runs})
     if len(places) != 1:
-        named = ", ".join(places) or "no run"
+        named = some(places) or "no run"
         raise CardError(f"expected runs on one track or in one environment, found {named}")
     if runs[0].task.env.paths is None:
         raise CardError(f"expected a task with paths to draw, found '{runs[0].task.name}'")

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from repaint_cli.files.atomic import write_text
+from repaint_cli.files.foreign import PAGE_MARK
 from repaint_cli.runs.comparison import COLUMNS, Comparison, as_row
 from repaint_cli.runs.figures import draw_curves
 from repaint_cli.runs.reader import RecordedRun
@@ -39,7 +40,12 @@ Files: `comparison.csv` has these numbers and more, `curves.csv` every point of 
 `curves.svg` the figure for print. The runs were:
 
 {runs}
+
+{mark}
 """
+
+PICTURES, TABLES = ("curves.png", "curves.svg"), ("comparison.csv", "curves.csv")
+PAGE_NAME = "README.md"
 
 
 def write_report(
@@ -50,14 +56,18 @@ def write_report(
     Raises:
         StoreError: the folder cannot be written.
     """
-    pictures = [folder / "curves.png", folder / "curves.svg"]
+    pictures = [folder / name for name in PICTURES]
     for picture in pictures:
         draw_curves(runs, picture, title_of(comparison), comparison.target)
-    tables = {"comparison.csv": _comparison(comparison), "curves.csv": _curves(runs)}
-    for name, text in tables.items():
+    texts = _comparison(comparison), _curves(runs), _page(runs, comparison)
+    for name, text in zip((*TABLES, PAGE_NAME), texts, strict=True):
         write_text(folder / name, text)
-    write_text(folder / "README.md", _page(runs, comparison))
-    return [*pictures, *(folder / name for name in tables), folder / "README.md"]
+    return report_files(folder)
+
+
+def report_files(folder: Path) -> list[Path]:
+    """Return the files of a report."""
+    return [folder / name for name in (*PICTURES, *TABLES, PAGE_NAME)]
 
 
 def title_of(comparison: Comparison) -> str:
@@ -105,6 +115,7 @@ def _page(runs: Mapping[str, RecordedRun], comparison: Comparison) -> str:
         task=comparison.task,
         labels=", ".join(runs),
         version=version("repaint-rl"),
+        mark=PAGE_MARK,
         target=comparison.goal,
         iterations=comparison.iterations,
         table="\n".join([_line(HEADS), "|" + "---|" * len(HEADS), *rows]),

@@ -18,7 +18,7 @@ from repaint_cli.learn.transfer.courses import course_of
 from repaint_cli.policies.networks import ActorCritic
 from repaint_cli.provenance import versions
 from repaint_cli.runs import evaluations
-from repaint_cli.runs.alarms import alarms_of, alarms_until, reference_beside
+from repaint_cli.runs.alarms import alarms_of, alarms_until, reference_beside, schedule_warnings
 from repaint_cli.runs.checkpoint import restore, save_checkpoint, settle
 from repaint_cli.runs.folder import RunFolder
 from repaint_cli.runs.measuring import begin_course, inform_course
@@ -57,7 +57,7 @@ class Experiment:
     progress: RunProgress = field(default_factory=RunProgress)
     """What else changes from iteration to iteration."""
     notices: list[str] = field(default_factory=list)
-    """Warnings for whoever resumed the run."""
+    """Warnings for whoever began or resumed the run."""
     newest_alarms: list[Alarm] = field(default_factory=list)
     """What looked wrong in the last iteration."""
     _logs: list[EpisodeLog] = field(default_factory=list)
@@ -81,7 +81,7 @@ class Experiment:
         record.versions, record.threads = begun.versions, begun.threads
         record.resumed, record.iterations = list(begun.resumed), k
         record.alarms = alarms_until(k, plan.files, begun)
-        experiment.notices = [*progress.notices, *record.go_on_with(versions())]
+        experiment.notices += [*progress.notices, *record.go_on_with(versions())]
         experiment.notices += experiment.learner.bring_streams_back(experiment.card)
         experiment.progress = progress
         return experiment
@@ -105,7 +105,9 @@ class Experiment:
         if teachers.teachers:
             reference = reference_beside(plan.folder, card, plan.algorithm)
         course = course_of(card, teachers.teachers, len(plan.seeds))
-        return cls(plan, teachers, learner, course, plan.new_record(teachers), reference)
+        notices = schedule_warnings(card, begun=plan.begun is not None)
+        record = plan.new_record(teachers)
+        return cls(plan, teachers, learner, course, record, reference, notices=notices)
 
     @property
     def card(self) -> TaskCard:

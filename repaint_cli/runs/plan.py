@@ -1,7 +1,6 @@
 """What is decided before a run starts, and is read from run.json when it is resumed."""
 
 import json
-import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -11,6 +10,7 @@ import torch
 
 from repaint_cli.errors import NotFound, TeacherMismatch, UsageError
 from repaint_cli.files.atomic import sha256
+from repaint_cli.files.commands import command
 from repaint_cli.learn import q_learning
 from repaint_cli.learn.evaluation import spaces_of
 from repaint_cli.policies.spaces import Spaces
@@ -128,8 +128,8 @@ class Plan:
     @property
     def resume_command(self) -> str:
         """The command that goes on with the run."""
-        command = "transfer" if self.teacher_name is None else "train-teacher"
-        return f"repaint {command} --resume {shlex.quote(str(self.folder))}"
+        verb = "transfer" if self.teacher_name is None else "train-teacher"
+        return command(f"repaint {verb} --resume {{}}", self.folder)
 
     def for_iterations(self, n: int) -> "Plan":
         """Return the plan with another number of iterations."""

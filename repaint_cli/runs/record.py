@@ -21,7 +21,7 @@ from repaint_cli.errors import CheckpointError, reported_as
 from repaint_cli.files.atomic import append_text, as_json, write_text
 from repaint_cli.files.limits import read_json
 from repaint_cli.runs.folder import RunFolder, remove
-from repaint_cli.settings import first_problem
+from repaint_cli.settings import MOST_SEEDS, first_problem
 from repaint_cli.tasks.methods import ALGORITHMS, METHODS
 
 MOST_ALARMS = 1000
@@ -97,7 +97,7 @@ class RunRecord(BaseModel):
     """The algorithm, by its name in `methods.ALGORITHMS`."""
     method: str
     """By its name in `methods.METHODS`."""
-    seeds: Annotated[list[NonNegativeInt], Field(min_length=1)]
+    seeds: Annotated[list[NonNegativeInt], Field(min_length=1, max_length=MOST_SEEDS)]
     """The run seeds, (S,)."""
     task: dict[str, Any]
     """The target task's card."""

@@ -4,13 +4,14 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from repaint_cli.errors import NotFound, StoreError, UsageError
+from repaint_cli.errors import NotFound, StoreError, UsageError, some
 from repaint_cli.files.atomic import check_writable
 from repaint_cli.paths import user_zoo
 from repaint_cli.provenance import stamp
 from repaint_cli.runs.folder import RUNS
 from repaint_cli.runs.plan import Plan, plan_of
 from repaint_cli.runs.reader import read_run
+from repaint_cli.settings import MOST_SEEDS
 from repaint_cli.tasks.card import TaskCard
 from repaint_cli.tasks.methods import METHODS, method_for
 from repaint_cli.zoo import store
@@ -103,13 +104,16 @@ def checked_seeds(seeds: Sequence[int]) -> list[int]:
     """Return the run seeds.
 
     Raises:
-        UsageError: there is no seed, a negative one, or one twice.
+        UsageError: there is no seed, a negative one, one twice, or too many.
     """
     if isinstance(seeds, int):
         raise UsageError(f"expected a list of seeds, such as range({seeds}), found {seeds}")
     numbers = [int(seed) for seed in seeds]
     if not numbers or min(numbers) < 0 or len(set(numbers)) < len(numbers):
-        raise UsageError(f"expected seeds of at least 0, each once, found {numbers}")
+        found = some([str(seed) for seed in numbers]) or "none"
+        raise UsageError(f"expected seeds of at least 0, each once, found {found}")
+    if len(numbers) > MOST_SEEDS:
+        raise UsageError(f"expected at most {MOST_SEEDS:,} seeds, found {len(numbers):,}")
     return numbers
 
 
@@ -161,6 +165,6 @@ def find_acting(names: Sequence[str], teachers: Sequence[Path]) -> tuple[Path, .
     acting = tuple(store.find(name) for name in names)
     for name, path in zip(names, acting, strict=True):
         if path not in teachers:
-            known = ", ".join(teacher.stem for teacher in teachers)
+            known = some([teacher.stem for teacher in teachers])
             raise UsageError(f"expected --instances-from one of {known}, found '{name}'")
     return acting

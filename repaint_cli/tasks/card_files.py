@@ -11,6 +11,7 @@ from typing import Any
 from repaint_cli.envs.racer.deepracer.model_files import read_hyperparameters
 from repaint_cli.envs.registry import simulator_class
 from repaint_cli.errors import CardError, NotFound, reported_as
+from repaint_cli.files.commands import command
 from repaint_cli.files.limits import read_text, read_toml
 from repaint_cli.paths import shipped
 from repaint_cli.tasks.card import TaskCard
@@ -31,9 +32,8 @@ def read_task(name: str) -> TaskCard:
     path = Path(name)
     if path.suffix == ".toml":
         if not os.path.exists(path):  # which takes any name
-            raise NotFound(
-                f"there is no card at '{name}'; start one: repaint tasks copy reacher {name}"
-            )
+            start = command("repaint tasks copy reacher {}", name)
+            raise NotFound(f"there is no card at '{name}'; start one: {start}")
     else:
         known = shipped_tasks()
         if name not in known:

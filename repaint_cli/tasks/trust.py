@@ -10,6 +10,7 @@ from pathlib import Path
 
 from repaint_cli.errors import CardError, StoreError
 from repaint_cli.files.atomic import write_errors
+from repaint_cli.files.commands import command
 from repaint_cli.paths import user_zoo
 from repaint_cli.tasks.task import Task
 
@@ -43,7 +44,7 @@ def check(task: Task, where: Path) -> None:
     if task.code_at_risk() and not _allowed(task):
         raise CardError(
             f"{where} would run {task.code_at_risk()}, with which nothing was begun here; "
-            f"read it in {where}/run.json, then: repaint tasks trust {where}"
+            f"read it in {where}/run.json, then: {command('repaint tasks trust {}', where)}"
         )
 
 

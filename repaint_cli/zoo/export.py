@@ -15,6 +15,7 @@ from torch import Tensor
 
 from repaint_cli.errors import RepaintError
 from repaint_cli.files.atomic import as_json, atomic_write, write_text
+from repaint_cli.files.foreign import check_replaceable
 from repaint_cli.policies.distributions import Gaussian
 from repaint_cli.policies.networks import ActorCritic
 from repaint_cli.zoo.model_card import markdown
@@ -24,13 +25,14 @@ from repaint_cli.zoo.teacher_card import TeacherCard
 OPSET = 20
 
 
-def export(path: Path, folder: Path, *, onnx: bool = False) -> list[Path]:
+def export(path: Path, folder: Path, *, onnx: bool = False, replace: bool = False) -> list[Path]:
     """Write a teacher's file, card.json and README.md into a folder, and maybe its policy as ONNX.
 
     Args:
         path: of the teacher's file.
-        folder: to write to; files of the same names are replaced.
+        folder: to write to.
         onnx: whether to write NAME.onnx too, see `write_onnx`.
+        replace: whether files that repaint did not write may be replaced.
 
     Returns:
         The paths written.
@@ -38,19 +40,20 @@ def export(path: Path, folder: Path, *, onnx: bool = False) -> list[Path]:
     Raises:
         CheckpointError: the teacher's file is damaged.
         RepaintError: the package onnx or onnxscript is not installed.
-        StoreError: the folder cannot be written.
+        StoreError: the folder cannot be written, or holds files of the same names.
     """
     network, card = read_teacher(path)
     if onnx:
         _require_onnx()
     name = path.stem
     files = [folder / f"{name}.safetensors", folder / "card.json", folder / "README.md"]
+    files += [folder / f"{name}.onnx"] if onnx else []
+    check_replaceable(files, replace, "name another folder, or --replace it")
     with atomic_write(files[0]) as temporary:
         shutil.copyfile(path, temporary)
     write_text(files[1], as_json(card.model_dump(mode="json")))
     write_text(files[2], markdown(card, path))
     if onnx:
-        files.append(folder / f"{name}.onnx")
         write_onnx(network, card, files[-1])
     return files
 

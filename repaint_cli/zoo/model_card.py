@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from repaint_cli.files.atomic import sha256
+from repaint_cli.files.foreign import PAGE_MARK
 from repaint_cli.tasks.card import TaskCard
 from repaint_cli.zoo.teacher_card import Score, TeacherCard
 
@@ -36,6 +37,7 @@ def markdown(card: TeacherCard, path: Path) -> str:
         "## Use",
         f"```sh\nrepaint zoo add {card.name} {path.name}\nrepaint eval {card.name} "
         f"--render-offscreen\nrepaint transfer --teacher {card.name} --task MY-TASK\n```",
+        PAGE_MARK,
     ]
     return "\n\n".join(sections) + "\n"
 

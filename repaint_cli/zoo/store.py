@@ -3,10 +3,11 @@
 import os
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
+from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from repaint_cli.errors import CheckpointError, NotFound, StoreError, TeacherMismatch
+from repaint_cli.errors import CheckpointError, NotFound, StoreError, TeacherMismatch, some
 from repaint_cli.files.headers import read_hash
 from repaint_cli.paths import shipped, user_zoo
 from repaint_cli.tasks.card import TaskCard
@@ -15,6 +16,9 @@ from repaint_cli.zoo.teacher_card import NAME, TeacherCard, check_name, read_car
 if TYPE_CHECKING:
     from repaint_cli.policies.networks import ActorCritic
     from repaint_cli.policies.spaces import Spaces
+
+FEW = 8
+"""Teachers that a message names."""
 
 SUFFIX = ".safetensors"
 """Of a teacher's file."""
@@ -158,23 +162,23 @@ def check_fits(cards: Sequence[TeacherCard], task: TaskCard, spaces: "Spaces") -
     """Check that teachers can act in a task and be compared with it.
 
     Raises:
-        TeacherMismatch: a teacher does not fit; the message has a line for each of them, and the
-            teachers that fit.
+        TeacherMismatch: a teacher does not fit; the message says why of each of them, and names
+            some teachers that fit.
     """
     problems = [problem for card in cards if (problem := mismatch(card, task, spaces))]
     if problems:
-        fit = ", ".join(fitting(task, spaces)) or "none yet"
-        raise TeacherMismatch("\n".join(problems) + f"; teachers that fit: {fit}")
+        fit = list(islice(fitting(task, spaces), FEW + 1))
+        rest = f" and others (repaint zoo list --fits {task.name})" if len(fit) > FEW else ""
+        named = ", ".join(fit[:FEW]) or "none yet"
+        raise TeacherMismatch(f"{some(problems, between='; ')}; teachers that fit: {named}{rest}")
 
 
-def fitting(task: TaskCard, spaces: "Spaces") -> list[str]:
-    """Return the names of the teachers that fit a task; damaged files fit none."""
-    names = []
+def fitting(task: TaskCard, spaces: "Spaces") -> Iterator[str]:
+    """Yield the names of the teachers that fit a task; damaged files fit none."""
     for name, path in teachers().items():
         with suppress(CheckpointError):
             if not mismatch(read_card(path), task, spaces):
-                names.append(name)
-    return names
+                yield name
 
 
 def mismatch(card: TeacherCard, task: TaskCard, spaces: "Spaces") -> str | None:

@@ -8,6 +8,7 @@ model/model_metadata.json  ip/hyperparameters.json  reward_function.py
 
 import csv
 import io
+import os
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from time import time
@@ -142,10 +143,12 @@ class Simtrace:
         }
         for place, text in texts.items():
             path = self.folder / place
-            used = (self.folder / TRAINING).is_dir() and not known
-            with reported_as(StoreError):
-                there = read_text(path) if used and path.exists() else None
-            if used and there != text:
+            there, used = None, (self.folder / TRAINING).is_dir()
+            if os.path.lexists(path) and (used or text is not None) and not known:
+                used = True
+                with reported_as(StoreError):
+                    there = read_text(path)
+            if used and not known and there != text:
                 raise StoreError(
                     f"{self.folder} holds logs of other settings: its {place} differs; "
                     "name another folder"

@@ -1,6 +1,5 @@
 """A track on its own, from above: its lanes, its start line and which way it is driven. Metres."""
 
-import shlex
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +8,7 @@ from repaint_cli.envs.racer.road import draw_road, lane_patches
 from repaint_cli.envs.racer.track.files import load_track
 from repaint_cli.envs.racer.track.track import Track
 from repaint_cli.envs.simulator import CheckedFile
+from repaint_cli.files.commands import command
 from repaint_cli.report import style
 
 ARROWS = 6
@@ -71,8 +71,8 @@ def check_track(file: str) -> CheckedFile:
         f"{f'driven {way}' if track.closed else 'open'}, "
         f"{f'tightest radius {radius:.2f} m' if radius < 100 else 'straight'}"
     )
-    picture, setting = Path(f"{track.name}.png"), shlex.quote(f"env.track={file}")
+    picture = Path(f"{track.name}.png")
     return CheckedFile(
         track.name, facts, picture, lambda: plot_track(track, picture, facts),
-        f"repaint train-teacher --task racer-inner --set {setting}",
+        command("repaint train-teacher --task racer-inner --set {}", f"env.track={file}"),
     )  # fmt: skip
