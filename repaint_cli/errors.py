@@ -141,5 +141,3 @@ class RenderError(RepaintError):
 
 class Terminated(BaseException):
     """A scheduler asked the process to end (SIGTERM)."""
-
-    exit_code = 143

@@ -115,3 +115,17 @@ def test_alarms_are_in_the_log_and_in_the_record(repaint, home):
     assert "warning: iteration 2: no teacher sample was kept" in run.out
     (alarm, *_) = json.loads((home / "run" / "run.json").read_text())["alarms"]
     assert (alarm["iteration"], alarm["kind"]) == (2, "nothing-kept")
+
+
+def test_a_schedule_that_ends_before_the_run_is_said(repaint, home):
+    words = ["transfer", "--method", "scratch", "--task", "reacher", "--run", "run", *QUICK]
+    decays = ["--set", "ppo.learning_rate_decay=2", "--set", "ppo.clip_decay=3"]
+    said = repaint(*words, *decays)
+    assert "warning" not in said.out
+    said = repaint("transfer", "--resume", "run", "--iterations", 3)
+    rate = "warning: ppo.learning_rate is 0 from iteration 3 of {} on, where nothing is learned"
+    assert rate.format(3) + " (ppo.learning_rate_decay is 2); the run keeps it" in said.out
+    assert said.out.count("warning") == 1
+    said = repaint(*words, *decays, "--run", "next", "--iterations", 4)
+    assert rate.format(4) + " (ppo.learning_rate_decay is 2); try --set" in said.out
+    assert "ppo.clip_range is 0 from iteration 4 of 4 on, where policies hardly learn" in said.out

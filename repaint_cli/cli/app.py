@@ -76,8 +76,8 @@ def main() -> None:
         sys.exit(2)
     except (KeyboardInterrupt, Abort):
         sys.exit(130)
-    except Terminated as end:
-        sys.exit(end.exit_code)
+    except Terminated:
+        sys.exit(128 + signal.SIGTERM)
     except BrokenPipeError:  # the reader has ended, as head does
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(128 + signal.SIGPIPE)
