@@ -8,9 +8,9 @@ from typing import Any
 from repaint_cli.envs.episodes import Episodes
 from repaint_cli.errors import CardError, UsageError
 from repaint_cli.files.atomic import as_json, check_writable, write_text
+from repaint_cli.files.provenance import stamp
 from repaint_cli.learn.evaluation import evaluate
 from repaint_cli.learn.seeding import Purpose
-from repaint_cli.provenance import stamp
 from repaint_cli.runs.figures import draw_trajectories
 from repaint_cli.runs.find_policies import Policies
 from repaint_cli.runs.folder import RunFolder

@@ -10,13 +10,13 @@ import numpy as np
 
 from repaint_cli.envs.logs import EpisodeLog
 from repaint_cli.errors import RepaintError, StoreError, locate_divergence
+from repaint_cli.files.provenance import versions
 from repaint_cli.learn import ppo, q_learning
 from repaint_cli.learn.evaluation import evaluate
 from repaint_cli.learn.learner import Learner
 from repaint_cli.learn.transfer.course import Course
 from repaint_cli.learn.transfer.courses import course_of
 from repaint_cli.policies.networks import ActorCritic
-from repaint_cli.provenance import versions
 from repaint_cli.runs import evaluations
 from repaint_cli.runs.alarms import alarms_of, alarms_until, reference_beside, schedule_warnings
 from repaint_cli.runs.checkpoint import restore, save_checkpoint, settle

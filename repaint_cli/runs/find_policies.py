@@ -5,10 +5,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from repaint_cli.errors import CardError, TeacherMismatch
+from repaint_cli.files.provenance import stamp
 from repaint_cli.learn.evaluation import spaces_of
 from repaint_cli.policies import weights
 from repaint_cli.policies.networks import ActorCritic
-from repaint_cli.provenance import stamp
 from repaint_cli.runs.checkpoint import NETWORKS, load_networks
 from repaint_cli.runs.folder import RUNS, RunFolder
 from repaint_cli.runs.reader import RecordedRun, newest_run, read_run

@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from repaint_cli.files.lock import Locked
-from repaint_cli.provenance import stamp
+from repaint_cli.files.provenance import stamp
 from repaint_cli.runs.experiment import Experiment
 from repaint_cli.runs.find_policies import Policies
 from repaint_cli.runs.folder import RUNS, RunFolder, make_new

@@ -11,10 +11,10 @@ import torch
 from repaint_cli.errors import NotFound, TeacherMismatch, UsageError
 from repaint_cli.files.atomic import sha256
 from repaint_cli.files.commands import command
+from repaint_cli.files.provenance import versions
 from repaint_cli.learn import q_learning
 from repaint_cli.learn.evaluation import spaces_of
 from repaint_cli.policies.spaces import Spaces
-from repaint_cli.provenance import versions
 from repaint_cli.runs.folder import RunFolder
 from repaint_cli.runs.measuring import check_episodes
 from repaint_cli.runs.record import RunRecord, TeacherRecord

@@ -5,8 +5,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from repaint_cli.errors import CheckpointError
+from repaint_cli.files.provenance import versions
 from repaint_cli.learn.learner import Learner
-from repaint_cli.provenance import versions
 from repaint_cli.runs.plan import Plan
 from repaint_cli.runs.teachers import RunTeachers
 from repaint_cli.zoo import store

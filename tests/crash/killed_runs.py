@@ -16,7 +16,7 @@ import torch
 from small_learners import trained
 
 from repaint_cli.files import atomic
-from repaint_cli.provenance import versions
+from repaint_cli.files.provenance import versions
 from repaint_cli.runs.owner import new_run, resumed_run
 from repaint_cli.runs.plan import Plan
 from repaint_cli.tasks.card_files import read_task

@@ -9,13 +9,13 @@ import torch
 from torch import Tensor
 
 from repaint_cli.errors import TeacherMismatch, UsageError
+from repaint_cli.files.provenance import versions
 from repaint_cli.learn.evaluation import spaces_of
 from repaint_cli.policies import weights
 from repaint_cli.policies.architecture import NetConfig
 from repaint_cli.policies.networks import ActorCritic
 from repaint_cli.policies.parameters import leaves_of
 from repaint_cli.policies.spaces import Spaces
-from repaint_cli.provenance import versions
 from repaint_cli.tasks.card import TaskCard
 from repaint_cli.zoo import store
 from repaint_cli.zoo.importers import fit
