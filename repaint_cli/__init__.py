@@ -11,6 +11,10 @@ wrong is a `repaint_cli.errors.RepaintError`; its text says what was expected an
 Importing this is quick: torch comes with the first call that needs it.
 """
 
+from repaint_cli import process as _process  # noqa: F401  # guards `python -m repaint_cli`
+
+# isort: split
+
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias

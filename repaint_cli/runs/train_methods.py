@@ -4,12 +4,11 @@ import os
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-import joblib
-
-from repaint_cli.errors import RepaintError, UsageError
+from repaint_cli.errors import UsageError
 from repaint_cli.runs.carry_out import carry_out
 from repaint_cli.runs.plan import Plan
 from repaint_cli.runs.start import checked_seeds, find_teachers, new_folder
+from repaint_cli.runs.workers import train_side_by_side
 from repaint_cli.tasks.card import TaskCard
 from repaint_cli.tasks.methods import method_for
 
@@ -65,27 +64,15 @@ def _carried_out(plans: Sequence[Plan], jobs: int) -> Iterator[Path]:
     Raises:
         RepaintError: what stopped a run.
     """
-    threads = None if jobs == 1 else max(1, _cores() // jobs)
-    with joblib.parallel_config("loky", inner_max_num_threads=threads):
-        workers = joblib.Parallel(n_jobs=jobs, return_as="generator_unordered")
-    for folder, problem in workers(joblib.delayed(_train)(plan, threads) for plan in plans):
-        if problem:
-            raise problem
-        yield folder
+    if jobs > 1:
+        yield from train_side_by_side(plans, jobs, threads=max(1, _cores() // jobs))
+        return
+    for plan in plans:
+        carry_out(plan, finish_interrupted=False)
+        yield plan.folder
 
 
 def _cores() -> int:
     """Return how many cores there are for us: OMP_NUM_THREADS where set, else all."""
     wanted = os.environ.get("OMP_NUM_THREADS", "")
     return int(wanted) if wanted.isdecimal() and int(wanted) else os.cpu_count() or 1
-
-
-def _train(plan: Plan, threads: int | None) -> tuple[Path, RepaintError | None]:
-    """Train as planned and draw the run; a process of several has its own threads."""
-    if threads:
-        os.environ["OMP_NUM_THREADS"] = str(threads)  # which EnvPool reads
-    try:
-        carry_out(plan, finish_interrupted=False)
-    except RepaintError as error:
-        return plan.folder, error
-    return plan.folder, None
