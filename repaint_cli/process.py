@@ -8,9 +8,13 @@ Whoever imports `repaint_cli` as a library keeps their search path and settings.
 
 import os
 import sys
-from collections.abc import Callable, Sequence
-from importlib.machinery import ModuleSpec, PathFinder
-from types import ModuleType
+from importlib.machinery import PathFinder
+
+TYPE_CHECKING = False  # that of typing would have to be imported
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+    from importlib.machinery import ModuleSpec
+    from types import ModuleType
 
 TORCH_BYTES = 1_500_000_000
 """Address space that torch and the compiled simulators take, before there is a network."""
@@ -143,8 +147,8 @@ class _ImportGuard:
 
     @staticmethod
     def find_spec(
-        name: str, path: Sequence[str] | None = None, target: ModuleType | None = None
-    ) -> ModuleSpec | None:
+        name: str, path: "Sequence[str] | None" = None, target: "ModuleType | None" = None
+    ) -> "ModuleSpec | None":
         """Return how to import one of the modules of `_CAREFULLY`; others are not found here."""
         if name not in _CAREFULLY:
             return None
@@ -158,7 +162,7 @@ class _ImportGuard:
         return spec
 
 
-def _import_matplotlib(folder: str, execute: Callable[[], None]) -> None:
+def _import_matplotlib(folder: str, execute: "Callable[[], None]") -> None:
     """Import it where its own defaults are the first `matplotlibrc` that it looks for.
 
     The user's settings do not count either: they may ask for LaTeX, or for another backend.
@@ -168,13 +172,13 @@ def _import_matplotlib(folder: str, execute: Callable[[], None]) -> None:
     _standing_in(os.path.join(folder, "mpl-data"), execute)
 
 
-def _import_numba(folder: str, execute: Callable[[], None]) -> None:
+def _import_numba(folder: str, execute: "Callable[[], None]") -> None:
     """Import it where no `.numba_config.yaml` is; it looks for one again whenever it compiles."""
     _standing_in(folder, execute)
     sys.modules["numba.core.config"].__dict__["_config_fname"] = os.devnull
 
 
-def _import_torch(folder: str, execute: Callable[[], None]) -> None:
+def _import_torch(folder: str, execute: "Callable[[], None]") -> None:
     """Check first that there is room for it: it would abort the process.
 
     Raises:
@@ -195,14 +199,14 @@ def _import_torch(folder: str, execute: Callable[[], None]) -> None:
     return execute()
 
 
-_CAREFULLY: dict[str, Callable[[str, Callable[[], None]], None]] = {
+_CAREFULLY: "dict[str, Callable[[str, Callable[[], None]], None]]" = {
     "matplotlib": _import_matplotlib,
     "numba": _import_numba,
     "torch": _import_torch,
 }
 
 
-def _standing_in(folder: str, execute: Callable[[], None]) -> None:
+def _standing_in(folder: str, execute: "Callable[[], None]") -> None:
     """Do something with another current folder."""
     here = os.open(".", getattr(os, "O_PATH", os.O_RDONLY))  # also one that was deleted
     try:
