@@ -6,6 +6,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 from pathlib import Path
 
@@ -95,23 +96,31 @@ def stranger():
     pytest.skip("needs setpriv or unshare, and the right to become another user")
 
 
-def test_a_stranger_without_a_home(home, tmp_path):
-    tmp_path.chmod(0o777)
+@pytest.fixture
+def public(monkeypatch):
+    """A folder to be in that everybody may write, wherever pytest's own lies."""
+    with tempfile.TemporaryDirectory() as folder:
+        os.chmod(folder, 0o777)
+        monkeypatch.chdir(folder)
+        monkeypatch.setenv("REPAINT_HOME", os.path.join(folder, "home"))
+        yield Path(folder)
+
+
+def test_a_stranger_without_a_home(public):
     homeless = {"HOME": None, "REPAINT_HOME": None, "XDG_DATA_HOME": None, "XDG_CACHE_HOME": None}
     done = type_in(["zoo", "list"], stranger(), homeless)
     is_a_line(done, StoreError.exit_code, "found neither REPAINT_HOME nor a home folder")
-    done = type_in(["zoo", "list"], stranger(), homeless | {"REPAINT_HOME": str(tmp_path)})
+    done = type_in(["zoo", "list"], stranger(), homeless | {"REPAINT_HOME": str(public)})
     assert (done.returncode, done.stderr) == (0, "")
 
 
 @pytest.mark.slow
-def test_a_stranger_whose_home_cannot_be_written(home, tmp_path):
-    tmp_path.chmod(0o777)
+def test_a_stranger_whose_home_cannot_be_written(public):
     words = ["transfer", "--task", "racer-inner", "--method", "scratch", "--iterations", 1]
-    nowhere = {"HOME": "/nonexistent", "XDG_CACHE_HOME": None, "TMPDIR": str(tmp_path)}
+    nowhere = {"HOME": "/nonexistent", "XDG_CACHE_HOME": None, "TMPDIR": str(public)}
     done = type_in([*TRAIN[:6], "run", *QUICK], stranger(), nowhere)
     assert (done.returncode, done.stderr) == (0, "")
-    (cache,) = tmp_path.glob("repaint-*")
+    (cache,) = public.glob("repaint-*")
     assert cache.stat().st_mode & 0o777 == 0o700
     nowhere["TMPDIR"] = "/proc"
     done = type_in([*words, "--set", "env.max_steps=6"], stranger(), nowhere)
@@ -164,10 +173,8 @@ def test_too_little_address_space(home):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "style", ["text.usetex: True", "backend: module://nowhere", "axes.grid: x"]
-)
-def test_plotting_settings_are_ours(home, style):
+@pytest.mark.parametrize("line", ["text.usetex: True", "backend: module://nowhere", "axes.grid: x"])
+def test_plotting_settings_are_ours(home, line):
     folder = home / "config" / "matplotlib"
     folder.mkdir(parents=True)
     for place in (folder, home):
@@ -184,7 +191,7 @@ def test_a_caller_who_draws_with_latex_need_not_have_it_for_us(tmp_path):
     from repaint_cli.report import style
 
     with matplotlib.rc_context({"text.usetex": True}):
-        figure = style.new_figure(2, 2)
+        figure = style.new_figure(6, 4)
         figure.subplots().set_title("100 %")
         style.headline(figure, "a_b")
         style.save(figure, tmp_path / "x.png")
@@ -260,7 +267,7 @@ def test_jobs_without_shared_memory(home):
 @pytest.mark.parametrize(
     ("error", "code", "text"),
     [
-        (ZeroDivisionError("a\nb"), 70, "a mistake in repaint, please report it: ZeroDivisionError"),
+        (ZeroDivisionError("a\nb"), 70, "in repaint, please report it: ZeroDivisionError: a;"),
         (KeyError(), 70, "please report it: KeyError; the traceback: repaint --debug …"),
         (MemoryError(), 1, "not enough memory (no more can be had); raise its limit (ulimit -v)"),
         (RuntimeError("DefaultCPUAllocator: can't allocate memory\nx"), 1, "memory (Def"),
