@@ -76,8 +76,7 @@ def cache_folder(kind: str) -> str:
         try:
             if not os.path.isabs(parent):  # "~" of a user who has no home
                 continue
-            os.makedirs(parent, exist_ok=True)
-            for path in (folder, inner):
+            for path in (parent, folder, inner):  # a home that is not there is not made
                 if not os.path.isdir(path):
                     os.mkdir(path, 0o700)
             if _is_ours(folder) and _is_ours(inner) and os.access(inner, os.W_OK | os.X_OK):
