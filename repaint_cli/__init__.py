@@ -7,10 +7,10 @@
     student.run.returns  # mean return of each evaluation, (S, K): seeds, iterations
 
 The commands as functions, which return records of arrays and files, and print nothing. What goes
-wrong is a `repaint_cli.errors.RepaintError`; its text says what was expected and what was found.
-Importing this is quick: torch comes with the first call that needs it.
+wrong is a `repaint_cli.errors.RepaintError`. Torch comes with the first call that needs it.
 """
 
+import repaint_cli.process  # noqa: F401, I001  # guards `python -m repaint_cli`, so it is first
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias

@@ -13,6 +13,9 @@ RepaintError                1   anything the program can explain in a line
 ├── StoreError              7   a file or folder cannot be written, or exists already
 └── RenderError             8   no offscreen renderer works here
 
+OSError                     7   the operating system refuses something else
+MemoryError                 1   there is not enough memory
+any other exception        70   a mistake in repaint
 KeyboardInterrupt         130   Ctrl-C
 Terminated                143   SIGTERM
 ```
@@ -133,6 +136,10 @@ class StoreError(RepaintError):
     exit_code = 7
 
 
+class OutputError(StoreError):
+    """Standard output takes nothing: it is closed, or its disk is full."""
+
+
 class RenderError(RepaintError):
     """No offscreen renderer works on this machine."""
 
@@ -141,3 +148,35 @@ class RenderError(RepaintError):
 
 class Terminated(BaseException):
     """A scheduler asked the process to end (SIGTERM)."""
+
+
+MISTAKE = 70
+"""Exit code of what nobody foresaw."""
+
+NO_MEMORY = (
+    "alloc", "Cannot allocate memory", "failed to map segment", "can't start new thread",
+    "Could not find/load shared object file 'libllvmlite",
+)  # fmt: skip
+"""What libraries say where they found no memory, which they do in errors of many kinds."""
+
+
+def as_line(error: Exception) -> tuple[str, int]:
+    """Return a line about what nobody foresaw, and the exit code."""
+    said = (str(error).strip().splitlines() or [""])[0][:300]
+    hint = "the traceback: repaint --debug …"
+    if isinstance(error, MemoryError) or any(text in str(error) for text in NO_MEMORY):
+        what = said or "no more can be had"
+        return (
+            f"not enough memory ({what}); raise its limit (ulimit -v), or take fewer seeds, "
+            f"environments (ppo.n_envs) or --jobs; {hint}",
+            RepaintError.exit_code,
+        )
+    if isinstance(error, OSError) and error.strerror:
+        name = "" if error.filename is None else f" '{error.filename!s:.80}'"
+        return f"the operating system refuses{name}: {error.strerror}; {hint}", StoreError.exit_code
+    kind = type(error).__name__
+    return (
+        f"this is a mistake in repaint, please report it: {kind}{': ' if said else ''}{said}; "
+        f"{hint}",
+        MISTAKE,
+    )

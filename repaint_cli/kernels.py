@@ -5,17 +5,23 @@ and the cache knows when a kernel's own file changes but no other: a kernel uses
 its file, or is passed in.
 """
 
+import os
 from collections.abc import Callable
 from typing import Any, TypeVar, cast
 
 import numba
 
+from repaint_cli.process import cache_folder
+
 _Function = TypeVar("_Function", bound=Callable[..., Any])
+
+_FOLDER = os.environ.get("NUMBA_CACHE_DIR") or cache_folder("numba")
+"""Where compiled kernels are kept; "" is nowhere."""
 
 
 def kernel(function: _Function) -> _Function:
     """Compile in strict floating point: numbers never depend on what else is in a batch."""
-    return cast(_Function, numba.njit(nogil=True, cache=True)(function))
+    return _compiled(function)
 
 
 def fastmath_kernel(function: _Function) -> _Function:
@@ -24,5 +30,14 @@ def fastmath_kernel(function: _Function) -> _Function:
     Numbers that are not finite stay so: a caller may test for them.
     """
     flags = {"contract", "reassoc", "nsz", "arcp"}
-    compiled = numba.njit(nogil=True, cache=True, error_model="numpy", fastmath=flags)
-    return cast(_Function, compiled(function))
+    return _compiled(function, error_model="numpy", fastmath=flags)
+
+
+def _compiled(function: _Function, **options: Any) -> _Function:
+    """Compile for other threads to run beside, and keep the code in our folder."""
+    config = vars(numba.config)
+    before, config["CACHE_DIR"] = config["CACHE_DIR"], _FOLDER
+    try:
+        return cast(_Function, numba.njit(nogil=True, cache=bool(_FOLDER), **options)(function))
+    finally:
+        config["CACHE_DIR"] = before  # that of kernels that are not ours

@@ -3,6 +3,8 @@
 import os
 from pathlib import Path
 
+from repaint_cli.errors import StoreError
+
 PACKAGE = Path(__file__).parent
 
 
@@ -13,6 +15,19 @@ def shipped(kind: str) -> Path:
 
 
 def user_zoo() -> Path:
-    """Return where the user's own teachers lie: $REPAINT_HOME/zoo, or in the XDG data folder."""
-    data = Path(os.environ.get("XDG_DATA_HOME") or Path.home() / ".local" / "share")
-    return Path(os.environ.get("REPAINT_HOME") or data / "repaint") / "zoo"
+    """Return where the user's own teachers lie: $REPAINT_HOME/zoo, or in the XDG data folder.
+
+    Raises:
+        StoreError: neither is named, and the user has no home folder.
+    """
+    if home := os.environ.get("REPAINT_HOME"):
+        return Path(home) / "zoo"
+    if data := os.environ.get("XDG_DATA_HOME"):
+        return Path(data) / "repaint" / "zoo"
+    try:
+        return Path.home() / ".local" / "share" / "repaint" / "zoo"
+    except RuntimeError as error:
+        raise StoreError(
+            "expected a folder for your teachers, found neither REPAINT_HOME nor a home folder; "
+            "name one: export REPAINT_HOME=/tmp/repaint"
+        ) from error

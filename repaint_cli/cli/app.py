@@ -1,7 +1,5 @@
 """`repaint`: the commands, and the one place where an error becomes a line and an exit code."""
 
-import io
-import os
 import signal
 import sys
 from typing import Annotated
@@ -13,12 +11,13 @@ from repaint_cli import __version__, interruption
 from repaint_cli.cli.compare import compare
 from repaint_cli.cli.evaluate import evaluate
 from repaint_cli.cli.help_page import HelpPage
+from repaint_cli.cli.output import drop_output, guard_output
 from repaint_cli.cli.similarity import similarity
 from repaint_cli.cli.tasks import tasks
 from repaint_cli.cli.train_teacher import train_teacher
 from repaint_cli.cli.transfer import transfer
 from repaint_cli.cli.zoo import zoo
-from repaint_cli.errors import RepaintError, Terminated
+from repaint_cli.errors import OutputError, RepaintError, Terminated
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -56,15 +55,16 @@ def about(
 
 def main() -> None:
     """Run a command; turn what the program can explain into one line on stderr and an exit code."""
-    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "1")  # looking for some takes a while
     interruption.listen()
-    _replace_unencodable()
     words = [word for word in sys.argv[1:] if word != DEBUG]
     try:
+        guard_output()
         code = app(words or ["--help"], standalone_mode=False)
         sys.stdout.flush()
         sys.exit(code)
     except RepaintError as error:
+        if isinstance(error, OutputError):
+            drop_output()
         if DEBUG in sys.argv:
             raise
         _print_error(str(error))
@@ -79,15 +79,8 @@ def main() -> None:
     except Terminated:
         sys.exit(128 + signal.SIGTERM)
     except BrokenPipeError:  # the reader has ended, as head does
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        drop_output()
         sys.exit(128 + signal.SIGPIPE)
-
-
-def _replace_unencodable() -> None:
-    """Spell out what a terminal without UTF-8 cannot show."""
-    for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="backslashreplace")
 
 
 def _print_error(message: str) -> None:

@@ -10,7 +10,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.text import Text
 
 from repaint_cli.cli.console import literal
-from repaint_cli.errors import StoreError, Terminated
+from repaint_cli.errors import OutputError, RepaintError, StoreError, Terminated
 from repaint_cli.files.commands import command
 from repaint_cli.runs.carry_out import TrainedRun, Watcher
 from repaint_cli.runs.experiment import Experiment
@@ -89,8 +89,13 @@ class Screen(Watcher):
         """Train; print the command that goes on with the run if it ends early."""
         try:
             train(*args, watcher=self, **options)
-        except (KeyboardInterrupt, Terminated, StoreError):
-            if self._unfinished:
+        except OutputError as error:
+            if not self._unfinished:
+                raise
+            raise OutputError(f"{error}; go on with: {self._unfinished.resume_command}") from error
+        except BaseException as error:
+            ended = not isinstance(error, RepaintError) or isinstance(error, StoreError)
+            if self._unfinished and ended:  # others are of the task or its numbers, and come again
                 hint = "next:" if self._training else "not all is drawn and kept; next:"
                 out.print(f"{hint} [bold]{literal(self._unfinished.resume_command)}[/bold]")
             raise

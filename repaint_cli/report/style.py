@@ -6,6 +6,7 @@ Figures are `matplotlib.figure.Figure` on the Agg canvas; pyplot and its global 
 from collections.abc import Iterable
 from itertools import cycle
 from pathlib import Path
+from typing import Any
 
 import matplotlib
 from matplotlib.axes import Axes
@@ -13,6 +14,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import Colormap, LinearSegmentedColormap, to_hex, to_rgb
 from matplotlib.figure import Figure
 from matplotlib.text import Text
+from matplotlib.typing import RcKeyType
 
 from repaint_cli.files.atomic import atomic_write
 from repaint_cli.files.foreign import PICTURE_MARK
@@ -20,6 +22,11 @@ from repaint_cli.files.foreign import PICTURE_MARK
 INK, FAINT = "#222222", "#8c8c8c"
 TITLE_SIZE, TEXT_SIZE, NOTE_SIZE = 12, 10, 8.5
 DPI = 150
+
+SAVED: dict[RcKeyType, Any] = {
+    "svg.hashsalt": "repaint", "svg.fonttype": "none", "text.usetex": False,
+}  # fmt: skip
+"""Settings under which a figure is saved, whatever those of who calls us."""
 
 METHOD_COLOURS = {  # Okabe and Ito's palette
     "scratch": "#000000",
@@ -91,8 +98,9 @@ def note(
 
 
 def disable_mathtext(figure: Figure) -> None:
-    """Have names drawn as they are, $ and all, and not as formulas."""
+    """Have names drawn as they are, $ and all, and not as formulas, nor by LaTeX."""
     for text in figure.findobj(Text):
+        text.set_usetex(False)
         text.set_parse_math(False)
 
 
@@ -103,11 +111,8 @@ def save(figure: Figure, path: Path) -> None:
         StoreError: the file cannot be written; an earlier file of that name is as it was.
     """
     disable_mathtext(figure)
-    with atomic_write(path) as scratch:
+    with atomic_write(path) as scratch, matplotlib.rc_context(SAVED):
         if path.suffix == ".svg":
-            with matplotlib.rc_context({"svg.hashsalt": "repaint", "svg.fonttype": "none"}):
-                figure.savefig(
-                    scratch, format="svg", metadata={"Date": None, "Creator": PICTURE_MARK}
-                )
+            figure.savefig(scratch, format="svg", metadata={"Date": None, "Creator": PICTURE_MARK})
         else:
             figure.savefig(scratch, format="png", dpi=DPI, metadata={"Software": PICTURE_MARK})

@@ -2,19 +2,16 @@
 
 import os
 from collections.abc import Iterator, Sequence
-from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
-import joblib
-
-from repaint_cli import interruption
-from repaint_cli.errors import RepaintError, UsageError
+from repaint_cli.errors import UsageError
 from repaint_cli.runs.carry_out import carry_out
 from repaint_cli.runs.folder import make_new
 from repaint_cli.runs.owner import new_run
 from repaint_cli.runs.plan import Plan
 from repaint_cli.runs.start import checked_seeds, find_teachers, new_folder
+from repaint_cli.runs.workers import train_side_by_side
 from repaint_cli.tasks.card import TaskCard
 from repaint_cli.tasks.methods import method_for
 
@@ -71,34 +68,15 @@ def _carried_out(plans: Sequence[Plan], jobs: int) -> Iterator[Path]:
     Raises:
         RepaintError: what stopped a run.
     """
-    threads = None if jobs == 1 else max(1, _cores() // jobs)
-    with joblib.parallel_config("loky", inner_max_num_threads=threads):
-        workers = joblib.Parallel(n_jobs=jobs, return_as="generator_unordered")
-    outcomes = workers(joblib.delayed(_train)(plan, threads, os.getpid()) for plan in plans)
-    with closing(outcomes):  # which ends the processes
-        for folder, problem in outcomes:
-            if problem:
-                raise problem
-            yield folder
+    if jobs > 1:
+        yield from train_side_by_side(plans, jobs, threads=max(1, _cores() // jobs))
+        return
+    for plan in plans:
+        carry_out(new_run(plan), finish_interrupted=False)
+        yield plan.folder
 
 
 def _cores() -> int:
     """Return how many cores there are for us: OMP_NUM_THREADS where set, else all."""
     wanted = os.environ.get("OMP_NUM_THREADS", "")
     return int(wanted) if wanted.isdecimal() and int(wanted) else os.cpu_count() or 1
-
-
-def _train(plan: Plan, threads: int | None, starter: int) -> tuple[Path, RepaintError | None]:
-    """Train as planned and draw the run; a process of several has its own threads.
-
-    It ends with the process that started it, however that ends.
-    """
-    if os.getpid() != starter:
-        interruption.end_with(starter)
-    if threads:
-        os.environ["OMP_NUM_THREADS"] = str(threads)  # which EnvPool reads
-    try:
-        carry_out(new_run(plan), finish_interrupted=False)
-    except RepaintError as error:
-        return plan.folder, error
-    return plan.folder, None

@@ -2,8 +2,8 @@
 
 MuJoCo reads MUJOCO_GL when it is first imported and cannot use another after a failure, so a child
 process draws, and child processes find out beforehand which of EGL and OSMesa works here.
-The child is this module (`python -m repaint_cli.envs.gymnasium.film probe | film`); it reads its
-job as JSON from standard input.
+The child is this module, with the word `probe` or `film`; it reads its job as JSON from standard
+input.
 """
 
 import json
@@ -20,10 +20,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from repaint_cli import interruption
+from repaint_cli import interruption, process
 from repaint_cli.errors import RenderError
 from repaint_cli.files.atomic import atomic_write
-from repaint_cli.paths import PACKAGE
 
 RENDERERS = ("egl", "osmesa")
 PROBE_SECONDS = 60.0
@@ -129,12 +128,13 @@ def _as_json(episode: Replay) -> dict[str, Any]:
 
 
 def _child(task: str, renderer: str, job: str, seconds: float) -> subprocess.CompletedProcess[str]:
-    """Run this module on its own, with the same package and the renderer in the environment."""
-    here = os.pathsep.join(filter(None, [str(PACKAGE.parent), os.environ.get("PYTHONPATH")]))
+    """Run this module on its own, guarded as this process is, with the renderer it asks for."""
     return subprocess.run(
-        [sys.executable, "-P", "-m", "repaint_cli.envs.gymnasium.film", task],
+        process.command("repaint_cli.envs.gymnasium.film", task),
         input=job,
-        env=os.environ | {"MUJOCO_GL": renderer, "PYOPENGL_PLATFORM": renderer, "PYTHONPATH": here},
+        env=os.environ
+        | process.environment()
+        | {"MUJOCO_GL": renderer, "PYOPENGL_PLATFORM": renderer},
         capture_output=True,
         text=True,
         timeout=seconds,

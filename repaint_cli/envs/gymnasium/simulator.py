@@ -18,6 +18,9 @@ if TYPE_CHECKING:
 REACHER = "Reacher-v5"
 """The environment whose fingertip's paths are drawn."""
 
+LONGEST_STEP = 1_000
+"""Frames of the simulator in a step: nothing can interrupt one, and a card may be a stranger's."""
+
 
 class GymnasiumSimulator(Simulator):
     """An environment of Gymnasium, by id."""
@@ -38,6 +41,11 @@ class GymnasiumSimulator(Simulator):
         for name in ("render_mode", "max_episode_steps", "num_envs", "disable_env_checker"):
             if name in kwargs:
                 raise ValueError(f"expected arguments of the environment itself, found {name}")
+        skip = kwargs.get("frame_skip", 1)
+        if not isinstance(skip, int) or not 0 < skip <= LONGEST_STEP:
+            raise ValueError(
+                f"expected a frame_skip from 1 to {LONGEST_STEP:,}, whole, found {skip!r}"
+            )
         return kwargs
 
     def make(self, n_envs: int, one_episode: bool, noise: EvalConfig | None) -> "Environments":

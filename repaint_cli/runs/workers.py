@@ -1,0 +1,147 @@
+"""Runs that train side by side, each in a process of its own.
+
+The process is this module, with the number of an open pipe: it receives a plan, trains, and sends
+what stopped it, if anything did. When the pipe is closed its parent has died, and it ends as well.
+"""
+
+import os
+import subprocess
+import sys
+import threading
+import traceback
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from contextlib import suppress
+from multiprocessing import Pipe
+from multiprocessing.connection import Connection
+from pathlib import Path
+
+from repaint_cli import process
+from repaint_cli.errors import RepaintError
+from repaint_cli.runs.carry_out import carry_out
+from repaint_cli.runs.owner import new_run
+from repaint_cli.runs.plan import Plan
+
+GRACE_SECONDS = 5.0
+"""For a process to end when asked; then it is killed, which loses no finished iteration."""
+
+
+def train_side_by_side(plans: Sequence[Plan], jobs: int, threads: int) -> Iterator[Path]:
+    """Carry out plans, so many at a time with so many threads each; yield folders as they finish.
+
+    Whoever stops asking stops the processes.
+
+    Raises:
+        RepaintError: what stopped a run, or its process was killed.
+    """
+    workers = _Workers(threads)
+    with ThreadPoolExecutor(jobs) as pool:
+        try:
+            for done in as_completed([pool.submit(workers.train, plan) for plan in plans]):
+                if folder := done.result():
+                    yield folder
+        finally:
+            workers.stop()
+
+
+class _Workers:
+    """Processes that train a plan each."""
+
+    def __init__(self, threads: int) -> None:
+        self._environment = os.environ | process.environment() | process.threads(threads)
+        self._children: list[subprocess.Popen[bytes]] = []
+        self._stopped = False
+        self._lock = threading.Lock()
+
+    def train(self, plan: Plan) -> Path | None:
+        """Train in a new process; return the run's folder, None if it was not begun any more.
+
+        Raises:
+            RepaintError: what stopped the run, or its process was killed.
+        """
+        pipe, its_pipe = Pipe()
+        with pipe:
+            with its_pipe, self._lock:
+                if self._stopped:
+                    return None
+                child = subprocess.Popen(
+                    process.command("repaint_cli.runs.workers", str(its_pipe.fileno())),
+                    env=self._environment, pass_fds=[its_pipe.fileno()],
+                    stdin=subprocess.DEVNULL, stdout=2,  # what environments print is no result
+                )  # fmt: skip
+                self._children.append(child)
+            with child:
+                problem = _ask(pipe, plan)
+        if problem is _DIED:
+            raise RepaintError(_ended(plan, child.returncode))
+        if problem:
+            raise problem
+        return plan.folder
+
+    def stop(self) -> None:
+        """End all processes, and start no more."""
+        with self._lock:
+            self._stopped = True
+            children = list(self._children)
+        for child in children:
+            child.terminate()
+        for child in children:
+            try:
+                child.wait(GRACE_SECONDS)
+            except subprocess.TimeoutExpired:
+                child.kill()
+
+
+def _ask(pipe: "Connection[Plan, Exception | None]", plan: Plan) -> Exception | None:
+    """Send a process its plan; return what stopped it, `_DIED` if it ended without an answer."""
+    try:
+        pipe.send(plan)
+        return pipe.recv()
+    except (EOFError, ConnectionError):
+        return _DIED
+
+
+_DIED = EOFError()
+
+
+def _ended(plan: Plan, code: int) -> str:
+    """Return a line about a process that ended without an answer."""
+    how = f"was killed (signal {-code})" if code < 0 else f"ended with exit code {code}"
+    if plan.files.is_run():
+        what = f"go on with: {plan.resume_command}; or take fewer --jobs"
+    else:
+        what = "take fewer --jobs"
+    return (
+        f"the process that trained {plan.method} in {plan.folder} {how}, as happens where memory "
+        f"runs out; {what}"
+    )
+
+
+def main(number: str) -> None:
+    """Train one plan for the parent process."""
+    pipe: Connection[Exception | None, Plan] = Connection(int(number))
+    plan = pipe.recv()
+    threading.Thread(target=_end_with_parent, args=[pipe], daemon=True).start()
+    problem: Exception | None = None
+    try:
+        carry_out(new_run(plan), finish_interrupted=False)
+    except KeyboardInterrupt:  # which the parent gets, too
+        sys.exit(130)
+    except Exception as error:
+        error.add_note(traceback.format_exc())  # for --debug
+        problem = error
+    try:
+        pipe.send(problem)
+    except Exception:  # what an environment raises may hold anything
+        pipe.send(RuntimeError(f"{type(problem).__name__}: {problem}"))
+
+
+def _end_with_parent(pipe: "Connection[Exception | None, Plan]") -> None:
+    """Wait for the parent's end of the pipe to be closed, and end this process."""
+    with suppress(EOFError, OSError):
+        pipe.recv()
+    os._exit(1)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1])
