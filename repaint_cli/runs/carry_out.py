@@ -7,6 +7,7 @@ from pathlib import Path
 
 import torch
 
+from repaint_cli.envs.output import PrintsInFile, prints_in_file
 from repaint_cli.paths import user_zoo
 from repaint_cli.runs.experiment import Experiment
 from repaint_cli.runs.figures import draw_run
@@ -76,13 +77,15 @@ def carry_out(
     if tensorboard:
         require_tensorboard()
     watcher = watcher or Watcher()
-    experiment = Experiment.resume(plan) if plan.begun else Experiment.begin(plan)
-    watcher.begin(experiment)
-    with _threads_of_torch(experiment.record.threads):
-        interruption = _train(experiment, watcher, tensorboard)
-        if interruption and not finish_interrupted:
-            raise interruption
-        trained = _finish(experiment, interruption is not None, tensorboard)
+    with prints_in_file() as prints:
+        experiment = Experiment.resume(plan) if plan.begun else Experiment.begin(plan)
+        prints.path = plan.files.environment_log
+        watcher.begin(experiment)
+        with _threads_of_torch(experiment.record.threads):
+            interruption = _train(experiment, watcher, prints, tensorboard)
+            if interruption and not finish_interrupted:
+                raise interruption
+            trained = _finish(experiment, interruption is not None, tensorboard)
     watcher.finish(trained, interruption is not None)
     if interruption:
         raise interruption
@@ -100,7 +103,9 @@ def _threads_of_torch(n: int) -> Iterator[None]:
         torch.set_num_threads(before)
 
 
-def _train(experiment: Experiment, watcher: Watcher, tensorboard: bool) -> KeyboardInterrupt | None:
+def _train(
+    experiment: Experiment, watcher: Watcher, prints: PrintsInFile, tensorboard: bool
+) -> KeyboardInterrupt | None:
     """Train; return what ended it early, if that left something to draw."""
     plan = experiment.plan
     cause: BaseException | None = None
@@ -108,6 +113,7 @@ def _train(experiment: Experiment, watcher: Watcher, tensorboard: bool) -> Keybo
     try:
         with events as writer:
             for report in experiment.run():
+                prints.flush()
                 watcher.show(report, experiment.newest_alarms)
                 if writer:
                     writer.add(report)
@@ -135,4 +141,5 @@ def _finish(experiment: Experiment, interrupted: bool, tensorboard: bool) -> Tra
     if logs := plan.task.env.logs:
         written += logs.folders(plan.folder, plan.seeds)
     written += [files.tensorboard] if tensorboard else []
+    written += [files.environment_log] if files.environment_log.exists() else []
     return TrainedRun(run, plan, written, teacher)
