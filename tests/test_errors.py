@@ -97,7 +97,7 @@ SETTINGS = [
     (sets("reward.reward_dist=nan"), "reward.reward_dist: .*finite number, found nan"),
     (sets("reward.reward_dist=0", "reward.reward_ctrl=0"), "one weight must differ from 0"),
     (sets("reward.run=1"),
-     "reports no reward term 'run'; its info has: reward, reward_ctrl, reward_dist"),
+     "reports no 'run' in 50 steps; its info has: reward, reward_ctrl, reward_dist"),
     (sets("env.id=Reachr-v5"), "cannot make the environment 'Reachr-v5': .*"),
     (sets("env.id=nothing:Reachr-v5"), "cannot make the environment .*: No module named 'nothing'"),
     (sets("env.id=FrozenLake-v1"), "expected observations in a vector or an image and actions"),

@@ -9,10 +9,12 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from small_tasks import scripted
 
+from repaint_cli.envs.gymnasium.copies import Copies
 from repaint_cli.envs.gymnasium.vector import ENVPOOL_IDS, make_gym
-from repaint_cli.envs.reward_terms import RewardTerms
 from repaint_cli.errors import CardError
+from repaint_cli.learn.evaluation import spaces_of
 from repaint_cli.tasks.card import TaskCard
+from repaint_cli.tasks.card_files import read_task
 
 needs_envpool = pytest.mark.skipif(not find_spec("envpool"), reason="the extra `mujoco` is absent")
 BACKENDS = [pytest.param("envpool", marks=needs_envpool), "gymnasium"]
@@ -154,7 +156,7 @@ def test_environments_are_seeded_one_by_one(backend):
 def test_auto_leaves_unchecked_ids_and_arguments_to_gymnasium():
     assert type(make_gym("Reacher-v5", 1, {})).__name__ == "EnvPoolVector"
     for env_id, kwargs in (("HalfCheetah-v5", {}), ("Reacher-v5", {"reward_dist_weight": 2.0})):
-        assert type(make_gym(env_id, 1, kwargs)) is gymnasium.vector.SyncVectorEnv
+        assert type(make_gym(env_id, 1, kwargs)) is Copies
 
 
 def test_steps_that_only_reset_earn_nothing_while_others_act():
@@ -164,13 +166,13 @@ def test_steps_that_only_reset_earn_nothing_while_others_act():
     assert outputs[1][-1]["reward_terms"].tolist() == [[3], [0]]
 
 
-def test_a_term_that_is_not_reported_is_named_with_those_that_are():
-    env = RewardTerms(make_gym("Reacher-v5", 1, {}), {"reward_run": 1.0})
-    env.reset(seed=[0])
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_a_term_that_is_not_reported_is_named_with_those_that_are(backend):
+    card = read_task("reacher").with_settings(["reward.reward_run=1", f"env.backend={backend}"])
     with pytest.raises(
-        CardError, match=r"no reward term 'reward_run'; .*: reward, reward_ctrl, reward_dist"
+        CardError, match=r"reports no 'reward_run' .*: reward, reward_ctrl, reward_dist"
     ):
-        env.step(np.zeros((1, 2)))
+        spaces_of(card.task)
 
 
 def test_half_cheetah_is_a_task_with_no_code(repaint, home):

@@ -92,7 +92,7 @@ def check(
 ) -> None:
     """Check a card, or check and draw a track.
 
-    A card is tried by one random step in its environment.
+    A card is tried by whole episodes of the policy that training begins with.
 
     Examples:
         repaint tasks check my-task.toml
@@ -101,7 +101,6 @@ def check(
     from repaint_cli.cli.console import plain
     from repaint_cli.envs.registry import simulator_classes
     from repaint_cli.files.foreign import check_replaceable
-    from repaint_cli.learn.evaluation import try_out
     from repaint_cli.tasks.card_files import read_task
 
     for simulator in simulator_classes():
@@ -111,11 +110,29 @@ def check(
             checked.draw()
             print(plain(f"wrote {checked.picture}\nnext: {checked.next_command}"))
             return
-    card = read_task(name)
-    spaces, paid = try_out(card)
-    card.check_rollout()
-    terms = plain(", ".join(f"{term} {value:.4g}" for term, value in paid.items()))
-    print(f"{card.name} is sound: {spaces}; reward terms of a random first step: {terms}")
+    _check_card(read_task(name))
+
+
+def _check_card(card: "TaskCard") -> None:
+    """Print what training would stumble over, a line each, or that there is nothing.
+
+    Raises:
+        RepaintError: training would end with an error; all of them are its lines.
+    """
+    from repaint_cli.cli.console import plain
+    from repaint_cli.learn.task_check import check_task
+
+    checked = check_task(card)
+    for warning in checked.warnings:
+        print(f"warning: {plain(warning)}")
+    if checked.errors:
+        raise type(checked.errors[0])("\n".join(map(str, checked.errors)))
+    terms = plain(", ".join(f"{term} {paid:.4g}" for term, paid in checked.mean_terms.items()))
+    n_episodes = len(checked.returns)
+    print(
+        f"{card.name} is sound: {checked.spaces}; {n_episodes} episodes of a first policy have "
+        f"{checked.n_steps / n_episodes:.4g} steps on average; reward terms of a step: {terms}"
+    )
 
 
 def to_toml(card: "TaskCard") -> str:

@@ -1,11 +1,14 @@
 """Evaluation: whole episodes of a policy's most likely actions."""
 
+from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from repaint_cli.envs.episodes import Episodes
+from repaint_cli.envs.reward_terms import numbers_in
+from repaint_cli.errors import CardError
 from repaint_cli.learn.rollout.collect import Policy, clip, collect, start
 from repaint_cli.learn.rollout.observations import each
 from repaint_cli.learn.rollout.storage import Rollout
@@ -15,29 +18,41 @@ from repaint_cli.policies.spaces import Spaces
 from repaint_cli.tasks.card import TaskCard
 from repaint_cli.tasks.task import Task
 
+LONGEST_TRY = 1000
+"""Steps in which each reward term must be reported once."""
+
 
 def spaces_of(task: Task) -> Spaces:
     """Return what policies of a task read and write.
 
-    Raises:
-        CardError: the task's environment cannot be made or lacks a reward term.
-    """
-    return try_out(task)[0]
-
-
-def try_out(task: Task) -> tuple[Spaces, dict[str, float]]:
-    """Take a random first step in a task; return its spaces and the reward terms of the step.
+    Steps are taken until each reward term was reported once, which is one step for most tasks.
 
     Raises:
-        CardError: the task's environment cannot be made or lacks a reward term.
+        CardError: the task's environment cannot be made or never reports a reward term.
     """
     env = task.make_env(1)
     spaces = Spaces.of(env.single_observation_space, env.single_action_space)
     env.reset(seed=[0])
     env.action_space.seed(0)
-    *_, info = env.step(env.action_space.sample())
+    reported, ended, t = set[str](), False, 0
+    while env.unreported and not ended:
+        _, _, terminated, truncated, info = env.step(env.action_space.sample())
+        reported, t = reported | ({*numbers_in(info)} - env.unreported), t + 1
+        # only Gymnasium's environments may leave terms out, and those with a time limit end
+        ended = task.env.reward_terms is not None or bool(terminated[0] or truncated[0])
+        ended |= t == LONGEST_TRY
     env.close()
-    return spaces, dict(zip(env.names, info["reward_terms"][0].tolist(), strict=True))
+    if env.unreported:
+        raise never_reported(env.unreported, reported, t)
+    return spaces
+
+
+def never_reported(missing: Iterable[str], reported: Iterable[str], n_steps: int) -> CardError:
+    """Return the error of reward terms or positions that no step reported, and what others did."""
+    names = ", ".join(f"'{name}'" for name in sorted(missing))
+    steps = f" in {n_steps} steps" if n_steps > 1 else ""
+    others = ", ".join(sorted(set(reported))) or "nothing"
+    return CardError(f"the environment reports no {names}{steps}; its info has: {others}")
 
 
 def evaluate(

@@ -3,6 +3,11 @@
 import torch
 from torch import Tensor
 
+FAR = 10
+"""How many times less than `min_std` is far below it."""
+CONSTANT = 1e-6
+"""A deviation, also as a share of the mean, that is rounding."""
+
 
 class Normalizer:
     """Running mean and standard deviation of each seed's observations, part of the policy.
@@ -40,6 +45,17 @@ class Normalizer:
         self.var[seed] = squares / (n + m)
         self.count[seed] = n + m
         self._refresh()
+
+    def narrow_features(self) -> dict[int, float]:
+        """Return the least deviation over seeds of features far below `min_std`, by their number.
+
+        The networks see next to nothing of them. Those that never change are not among them.
+        """
+        deviation = self.var.sqrt()  # (S, O)
+        constant = deviation <= (CONSTANT * self.mean.abs()).clamp(min=CONSTANT)
+        far_below = (deviation < self.min_std / FAR) & ~constant
+        least = deviation.masked_fill(~far_below, torch.inf).amin(0)
+        return {int(i): float(least[i]) for i in far_below.any(0).nonzero()}
 
     def load(self, state: dict[str, Tensor]) -> None:
         """Copy the statistics `mean`, `var` (S, O) and `count` (S,) from a file's leaves."""

@@ -9,6 +9,8 @@ from pydantic import ValidationError
 
 from repaint_cli.errors import CheckpointError, RepaintError, reported_as
 from repaint_cli.files.limits import read_bytes
+from repaint_cli.learn.observed import narrow_features
+from repaint_cli.policies.normalizer import Normalizer
 from repaint_cli.runs.folder import RunFolder, runs_in
 from repaint_cli.runs.metrics import Report
 from repaint_cli.runs.reader import RecordedRun, read_run
@@ -27,7 +29,11 @@ IN_A_ROW = 3
 
 
 def alarms_of(
-    report: Report, before: Sequence[np.ndarray], reference: np.ndarray | None, rule: str = "zeta"
+    report: Report,
+    before: Sequence[np.ndarray],
+    reference: np.ndarray | None,
+    rule: str = "zeta",
+    normalizer: Normalizer | None = None,
 ) -> list[Alarm]:
     """Return what looks wrong in an iteration.
 
@@ -36,9 +42,10 @@ def alarms_of(
         before: evaluated returns (S, E) after the ones before it, the last `IN_A_ROW` − 1 at least.
         reference: evaluated mean returns (S, K) of a run from scratch on the same task, or None.
         rule: of selection; for `auto` it is no alarm to keep nothing.
+        normalizer: of the students' observations.
     """
     k = report.stats.iteration
-    problems = [] if len(before) else [*_check_scale(report)]
+    problems = [] if len(before) else [*_check_scale(report), *_check_observations(normalizer)]
     if "kept_reward" in report.stats.metrics:
         problems += [*_check_kept(report, rule), *_check_teachers(report)]
         problems += _check_outcome(report, before[-1:])
@@ -57,6 +64,12 @@ def _check_scale(report: Report) -> Iterator[tuple[str, str]]:
             f"rewards are large (the critic's mean squared error is {error:.1g}), and it learns "
             "the slower; smaller weights in [reward] help",
         )
+
+
+def _check_observations(normalizer: Normalizer | None) -> Iterator[tuple[str, str]]:
+    """Ask, once, whether policies can see what changes in the observations."""
+    if line := narrow_features(normalizer):
+        yield "narrow-observations", line
 
 
 def _check_kept(report: Report, rule: str) -> Iterator[tuple[str, str]]:

@@ -8,6 +8,7 @@ from pathlib import Path
 import torch
 
 from repaint_cli import interruption
+from repaint_cli.envs.output import PrintsInFile, prints_in_file
 from repaint_cli.paths import user_zoo
 from repaint_cli.runs.experiment import Experiment
 from repaint_cli.runs.figures import draw_run
@@ -77,14 +78,16 @@ def carry_out(
     if tensorboard:
         require_tensorboard()
     watcher = watcher or Watcher()
-    with owned as experiment:
+    with prints_in_file() as prints, owned as experiment:
+        prints.path = experiment.plan.files.environment_log
         tensorboard = tensorboard or _goes_on_with_events(experiment)
         watcher.begin(experiment)
         with _threads_of_torch(experiment.record.threads):
-            ended_by = _train(experiment, watcher, tensorboard)
+            ended_by = _train(experiment, watcher, prints, tensorboard)
             if ended_by and not finish_interrupted:
                 raise ended_by
             trained = _finish(experiment, ended_by is not None, tensorboard)
+        prints.flush()  # while the folder is held
         watcher.finish(trained, ended_by is not None)
     if ended_by:
         raise ended_by
@@ -113,7 +116,9 @@ def _threads_of_torch(n: int) -> Iterator[None]:
         torch.set_num_threads(before)
 
 
-def _train(experiment: Experiment, watcher: Watcher, tensorboard: bool) -> KeyboardInterrupt | None:
+def _train(
+    experiment: Experiment, watcher: Watcher, prints: PrintsInFile, tensorboard: bool
+) -> KeyboardInterrupt | None:
     """Train; return what ended it early, if that left something to draw."""
     plan = experiment.plan
     cause: BaseException | None = None
@@ -122,6 +127,7 @@ def _train(experiment: Experiment, watcher: Watcher, tensorboard: bool) -> Keybo
     try:
         with events as writer:
             for report in experiment.run():
+                prints.flush()
                 watcher.show(report, experiment.newest_alarms)
                 if writer:
                     writer.add(report)
@@ -150,4 +156,5 @@ def _finish(experiment: Experiment, interrupted: bool, tensorboard: bool) -> Tra
     if logs := plan.task.env.logs:
         written += logs.folders(plan.folder, plan.seeds)
     written += [files.tensorboard] if tensorboard else []
+    written += [files.environment_log] if files.environment_log.exists() else []
     return TrainedRun(run, plan, written, teacher)

@@ -166,7 +166,8 @@ class Experiment:
         ]
         append_csv(files.metrics, rows)
         rule = self.card.select.rule
-        self.newest_alarms = alarms_of(report, progress.returns, self.reference, rule)
+        normalizer = self.learner.student.normalizer
+        self.newest_alarms = alarms_of(report, progress.returns, self.reference, rule, normalizer)
         self.record.add_alarms(self.newest_alarms, files)
         progress.add_evaluation(k, report.evaluation.returns)
         progress.seconds, progress.logs = report.seconds, [log.position for log in self._logs]

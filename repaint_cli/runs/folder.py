@@ -79,6 +79,11 @@ class RunFolder:
         return _by_number(self.evaluations, "")
 
     @property
+    def environment_log(self) -> Path:
+        """What the environment printed, where it printed anything."""
+        return self.path / "environment.log"
+
+    @property
     def tensorboard(self) -> Path:
         """The folder of TensorBoard's events."""
         return self.path / "tensorboard"

@@ -116,11 +116,13 @@ class Task(Settings):
         Raises:
             CardError: the environment cannot be made.
         """
+        from repaint_cli.envs.output import captured
         from repaint_cli.envs.reward_terms import RewardTerms
 
-        made = self.env.make_replayable(n_envs) if replayable else None
-        env = made or self.env.make(n_envs, one_episode, noise)
+        with captured():
+            made = self.env.make_replayable(n_envs) if replayable else None
+            env = made or self.env.make(n_envs, one_episode, noise)
         code, functions = self.reward_code, self.env.reward_functions
         if code and functions:
             env = functions.apply(env, code.name, code.source)
-        return RewardTerms(env, self.reward, replayable=made is not None)
+        return RewardTerms(env, self.reward, self.env.records, replayable=made is not None)

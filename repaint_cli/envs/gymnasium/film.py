@@ -11,6 +11,7 @@ import os
 import subprocess
 import sys
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import redirect_stdout
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -21,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from repaint_cli import interruption, process
+from repaint_cli.envs.gymnasium.ids import name_of, spec_of
 from repaint_cli.errors import RenderError
 from repaint_cli.files.atomic import atomic_write
 
@@ -174,14 +176,12 @@ def write_film(job: Mapping[str, Any]) -> None:
 
 def _view(job: Mapping[str, Any]) -> dict[str, Any]:
     """Add size and camera to the arguments of Gymnasium's MuJoCo environments; others have none."""
-    import gymnasium
-
-    entry = str(gymnasium.spec(job["env_id"]).entry_point)
+    entry = str(spec_of(job["env_id"]).entry_point)
     if not entry.startswith("gymnasium.envs.mujoco"):
         return dict(job["kwargs"])
     view: dict[str, Any] = {"width": SIZE, "height": SIZE}
-    if job["env_id"] in CAMERA_SETTINGS:
-        view["default_camera_config"] = CAMERA_SETTINGS[job["env_id"]]
+    if (name := name_of(job["env_id"])) in CAMERA_SETTINGS:
+        view["default_camera_config"] = CAMERA_SETTINGS[name]
     return {**view, **job["kwargs"]}
 
 
@@ -196,11 +196,16 @@ def frames(
         env.reset(seed=episode["seed"])
         yield caption(env.render(), title, f"{name} · step 0")
         for t, action in enumerate(episode["actions"], start=1):
-            _, _, terminated, truncated, _ = env.step(np.asarray(action))
+            _, _, terminated, truncated, _ = env.step(_of_its_space(action, env))
             so_far = f"{name} · step {t}{_return(episode['rewards'], t)}"
             yield caption(env.render(), title, so_far)
             if terminated or truncated:
                 break
+
+
+def _of_its_space(action: Any, env: Any) -> Any:
+    """Return an action as training gives it: with the type of the environment's space."""
+    return np.asarray(action, env.action_space.dtype)[()]
 
 
 def _return(rewards: Sequence[float] | None, t: int) -> str:
@@ -214,7 +219,8 @@ def main(task: str) -> int:
     try:
         if task == "probe":
             return 0 if probe() else 1
-        write_film(json.load(sys.stdin))
+        with redirect_stdout(sys.stderr):  # what an environment prints is no answer
+            write_film(json.load(sys.stdin))
     except Exception as error:  # the parent turns it into one line for people
         sys.stdout.write((str(error) or type(error).__name__).splitlines()[0])
         return 1

@@ -1,10 +1,10 @@
 """Any environment of Gymnasium, by its id, as a simulator."""
 
-from importlib import import_module
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from pydantic import Field, field_validator
+from pydantic import Field, JsonValue, field_validator
 
 from repaint_cli.envs.simulator import Simulator
 from repaint_cli.errors import CardError
@@ -12,7 +12,7 @@ from repaint_cli.settings import EvalConfig
 
 if TYPE_CHECKING:
     from repaint_cli.envs.episodes import Episodes
-    from repaint_cli.envs.gymnasium.paths import ReacherPaths
+    from repaint_cli.envs.paths import PathFormat
     from repaint_cli.envs.simulator import Environments
 
 REACHER = "Reacher-v5"
@@ -31,8 +31,11 @@ class GymnasiumSimulator(Simulator):
     """The environment's id, as in `gymnasium.make`."""
     backend: Literal["auto", "envpool", "gymnasium"] = "auto"
     """Who steps it: EnvPool where installed and checked to be equal, else Gymnasium."""
-    kwargs: dict[str, bool | int | float | str] = Field(default_factory=dict)
-    """Arguments for the environment."""
+    kwargs: dict[str, JsonValue] = Field(default_factory=dict)
+    """Arguments for the environment: numbers, texts, lists and tables of them."""
+
+    position: tuple[str, str] | None = None
+    """Two numbers of its info, by name, whose path is drawn; they count as x and y."""
 
     @field_validator("kwargs")
     @classmethod
@@ -46,6 +49,9 @@ class GymnasiumSimulator(Simulator):
             raise ValueError(
                 f"expected a frame_skip from 1 to {LONGEST_STEP:,}, whole, found {skip!r}"
             )
+        for name, value in kwargs.items():
+            if any(part is None for part in _parts_of(value)):
+                raise ValueError(f"expected numbers, texts, lists or tables as {name}")
         return kwargs
 
     def make(self, n_envs: int, one_episode: bool, noise: EvalConfig | None) -> "Environments":
@@ -65,15 +71,11 @@ class GymnasiumSimulator(Simulator):
 
     def longest_episode(self) -> int:
         """Return the time limit, in steps; see `Simulator.longest_episode`."""
-        import gymnasium
+        from repaint_cli.envs.gymnasium.ids import spec_of
+        from repaint_cli.envs.output import captured
 
-        module, _, name = self.id.rpartition(":")  # where it is registered, and its name
-        try:
-            if module:
-                import_module(module)
-            limit = gymnasium.spec(name).max_episode_steps
-        except (gymnasium.error.Error, ImportError) as error:
-            raise CardError(f"gymnasium has no environment '{self.id}': {error}") from error
+        with captured():  # the module may print
+            limit = spec_of(self.id).max_episode_steps
         if limit is None:
             raise CardError(
                 f"'{self.id}' has no time limit, so an evaluation might never end; "
@@ -90,8 +92,9 @@ class GymnasiumSimulator(Simulator):
         if ":" in self.id:
             return f"the module of {self.id}"
         for name, value in self.kwargs.items():
-            if isinstance(value, str) and ("/" in value or "\\" in value or "." in value):
-                return f"the file {value} ({name})"
+            for text in filter(lambda part: isinstance(part, str), _parts_of(value)):
+                if "/" in text or "\\" in text or "." in text:
+                    return f"the file {text} ({name})"
         return None
 
     @property
@@ -100,10 +103,17 @@ class GymnasiumSimulator(Simulator):
         return self.id
 
     @property
-    def paths(self) -> "ReacherPaths | None":
-        """Those of Reacher's fingertip."""
-        from repaint_cli.envs.gymnasium.paths import ReacherPaths
+    def records(self) -> tuple[str, ...]:
+        """The position, where the card names one."""
+        return self.position or ()
 
+    @property
+    def paths(self) -> "PathFormat | None":
+        """Those of the position that the card names, or of Reacher's fingertip."""
+        from repaint_cli.envs.gymnasium.paths import PositionPaths, ReacherPaths
+
+        if self.position:
+            return PositionPaths(self.position)
         return ReacherPaths() if self.id == REACHER else None
 
     def for_replay(self) -> "GymnasiumSimulator":
@@ -121,3 +131,15 @@ class GymnasiumSimulator(Simulator):
                 Replay(episodes.env_seeds[e], episodes.actions[steps], episodes.rewards[steps])
             )
         render_gym(self.id, self.kwargs, replays, path, title=title)
+
+
+def _parts_of(value: Any) -> Iterator[Any]:
+    """Yield all numbers and texts of an argument, and the names in its tables."""
+    if isinstance(value, dict):
+        yield from value
+        value = list(value.values())
+    if isinstance(value, list):
+        for part in value:
+            yield from _parts_of(part)
+    else:
+        yield value

@@ -15,6 +15,7 @@ import gymnasium
 import numpy as np
 from gymnasium.vector import AutoresetMode, VectorEnv
 
+from repaint_cli.envs.gymnasium.copies import Copies
 from repaint_cli.errors import CardError
 
 ENVPOOL_IDS = frozenset({"Reacher-v5", "Ant-v5"})
@@ -48,14 +49,7 @@ def make_gym(
     with _constructor_errors(env_id):
         if on_envpool(env_id, kwargs, backend):
             return EnvPoolVector(env_id, n_envs)
-        return gymnasium.make_vec(
-            env_id,
-            num_envs=n_envs,
-            vectorization_mode="sync",
-            vector_kwargs={"autoreset_mode": AutoresetMode.NEXT_STEP},
-            wrappers=wrappers,
-            **kwargs,
-        )
+        return Copies(env_id, n_envs, kwargs, wrappers)
 
 
 def on_envpool(env_id: str, kwargs: Mapping[str, Any], backend: str) -> bool:

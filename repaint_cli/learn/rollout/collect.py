@@ -204,11 +204,14 @@ def _tensor(array: np.ndarray, envs: Any) -> Tensor:
 
 
 def clip(actions: np.ndarray, env: RewardTerms) -> np.ndarray:
-    """Return actions as the environment is to see them: continuous ones float64 within bounds."""
+    """Return actions as the environment is to see them: continuous ones in and of its space."""
     space = env.single_action_space
     if isinstance(space, gymnasium.spaces.Box):
         # np.clip would spend more on looking at its arguments than on these few numbers.
-        return np.minimum(np.maximum(actions.astype(np.float64), space.low), space.high)
+        bounded = np.minimum(np.maximum(actions.astype(np.float64), space.low), space.high)
+        if space.dtype.kind in "iu":
+            bounded = bounded.round()
+        return bounded.astype(space.dtype)
     return actions
 
 
