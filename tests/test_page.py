@@ -355,3 +355,14 @@ def test_numbers_that_are_none_leave_gaps(two, number):
 def test_the_same_run_has_the_same_page(two):
     first = write_run_page(two["scratch"]).read_bytes()
     assert write_run_page(two["scratch"]).read_bytes() == first
+
+
+def test_a_report_replaces_its_own_page_and_no_other(repaint, two, home):
+    assert repaint("compare", "one", "two", "--report", "report").code == 0
+    assert repaint("compare", "one", "two", "--report", "report").code == 0
+    (home / "other").mkdir()
+    (home / "other" / "report.html").write_text("<p>mine</p>")
+    said = repaint("compare", "one", "two", "--report", "other")
+    assert said.code == StoreError.exit_code
+    assert "other/report.html is there and was not written by repaint" in said.err
+    assert (home / "other" / "report.html").read_text() == "<p>mine</p>"
