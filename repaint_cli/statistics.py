@@ -15,6 +15,8 @@ Floats = NDArray[np.float64]
 RESAMPLES = 10_000
 AT_ONCE = 500
 """Resamples that lie in memory together."""
+NUMBERS_AT_ONCE = 10_000_000
+"""Numbers of resampled curves that lie in memory together."""
 
 
 def mean_ci(values: ArrayLike, level: float = 0.95, seed: int = 0) -> tuple[float, float, float]:
@@ -127,25 +129,34 @@ def reduction_ci(
     """
     own, others = _matrix(returns), _matrix(reference)
 
-    def reduced(rows: NDArray[np.int64], other_rows: NDArray[np.int64]) -> float:
+    def reduced(rows: NDArray[np.int64], other_rows: NDArray[np.int64], axis: int) -> Floats:
+        """Return the number for seeds drawn (…, S) and (…, S′), axis the last."""
         reached = [
-            np.nan_to_num(iteration_of_mean(curves[drawn], target), nan=curves.shape[1] + 1)
+            _reached(curves[drawn].mean(axis - 1), target)
             for curves, drawn in ((own, rows), (others, other_rows))
         ]
-        return 1 - float(reached[0]) / float(reached[1])
+        return np.asarray(1 - reached[0] / reached[1])
 
     if np.isnan([iteration_of_mean(own, target), iteration_of_mean(others, target)]).any():
         return np.nan, np.nan, np.nan
     seeds = np.arange(len(own)), np.arange(len(others))
-    mean = reduced(*seeds)
+    mean = float(reduced(*seeds, -1))
     if min(len(own), len(others)) < 2:
         return mean, np.nan, np.nan
     resampled = stats.bootstrap(
-        seeds, reduced, vectorized=False, n_resamples=RESAMPLES // 10, confidence_level=level,
+        seeds, reduced, vectorized=True, n_resamples=RESAMPLES // 10, confidence_level=level,
+        batch=max(1, min(RESAMPLES // 10, NUMBERS_AT_ONCE // max(own.size, others.size))),
         method="percentile", rng=np.random.default_rng(seed),
     )  # fmt: skip
     low, high = resampled.confidence_interval
     return mean, float(low), float(high)
+
+
+def _reached(means: Floats, target: float) -> Floats:
+    """Return the first iteration at the target of mean curves (…, K); K + 1 where there is none."""
+    reached = means >= target
+    first = reached.argmax(axis=-1) + 1
+    return np.asarray(np.where(reached.any(axis=-1), first, means.shape[-1] + 1), np.float64)
 
 
 def area_under_curve(returns: ArrayLike) -> Floats:

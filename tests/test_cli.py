@@ -42,7 +42,16 @@ def test_version_and_help(repaint):
     assert repaint("--version").out == f"repaint {__version__}\n"
     said = repaint("--help")
     assert said.code == 0
-    for name in ("train-teacher", "transfer", "eval", "similarity", "compare", "tasks", "zoo"):
+    for name in (
+        "train-teacher",
+        "transfer",
+        "eval",
+        "similarity",
+        "compare",
+        "open",
+        "tasks",
+        "zoo",
+    ):
         assert f" {name} " in said.out
 
 

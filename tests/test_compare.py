@@ -145,12 +145,9 @@ def test_a_report_stands_alone(repaint, two_runs):
     said = repaint("compare", "one", "two", "--report", "report")
     assert said.code == 0
     folder = two_runs / "report"
-    names = {"README.md", "comparison.csv", "curves.csv", "curves.png", "curves.svg"}
+    names = {"report.html", "comparison.csv", "curves.csv", "curves.png", "curves.svg"}
     assert {path.name for path in folder.iterdir()} == names
     assert not (two_runs / "compare.png").exists()
-    page = (folder / "README.md").read_text()
-    assert "![learning curves](curves.png)" in page
-    assert page.count("\n| ") == 3  # heads and two runs
     with (folder / "comparison.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert [row["run"] for row in rows] == ["scratch", "repaint from old-hand"]
@@ -224,7 +221,7 @@ def test_several_methods_are_trained_on_the_same_seeds_and_compared(repaint, hom
         record = json.loads((folder / method / "run.json").read_text())
         assert (record["state"], record["seeds"], record["method"]) == ("finished", [0, 1], method)
         assert (folder / method / "curves.png").is_file()
-    assert "kickstart from old-hand" in (home / "report" / "README.md").read_text()
+    assert "kickstart from old-hand" in (home / "report" / "report.html").read_text()
     assert "2 of 2: wrote runs/reacher/compare-" in said.err
     again = repaint("compare", *words, *rest, "--seeds", 1, "--json", "--output", "x.png")
     assert len(json.loads(again.out)["runs"]) == 2

@@ -108,7 +108,7 @@ def test_train_returns_the_run_and_puts_the_teacher_into_the_zoo(home):
     assert {path.name for path in trained.written} == {
         "run.json", "metrics.csv", "checkpoint.safetensors", "best.safetensors",
         "seed-0.safetensors", "seed-1.safetensors", "mine.safetensors", "curves.png",
-        "trajectories.png", "evaluations",
+        "trajectories.png", "evaluations", "report.html",
     }  # fmt: skip
     teacher = repaint_cli.load_teacher("mine")
     assert teacher.card.task == repaint_cli.load_task("reacher").with_settings(

@@ -37,7 +37,7 @@ from repaint_cli.zoo.teacher_card import read_card
 SCRATCH = ["transfer", "--method", "scratch", "--task", "reacher", "--run", "run", *QUICK]
 ALWAYS = {
     "run.json", "metrics.csv", "checkpoint.safetensors", "best.safetensors",
-    "curves.png", "trajectories.png", "evaluations",
+    "curves.png", "trajectories.png", "evaluations", "report.html",
 }  # fmt: skip
 
 

@@ -12,9 +12,11 @@ ROOT = Path(__file__).parents[1]
 LOOK = """
 from repaint_cli import paths
 from repaint_cli.envs.racer.track.files import load_track
+from repaint_cli.report.html import FOLDER
 from repaint_cli.tasks.card_files import shipped_tasks
 from repaint_cli.zoo.store import teachers
 assert "site" in str(paths.PACKAGE), paths.PACKAGE
+assert {"page.html", "page.css", "page.js"} <= {path.name for path in FOLDER.iterdir()}
 print(*shipped_tasks())
 print(*teachers())
 print(load_track("oval").name)

@@ -11,6 +11,7 @@ from repaint_cli import __version__, interruption
 from repaint_cli.cli.compare import compare
 from repaint_cli.cli.evaluate import evaluate
 from repaint_cli.cli.help_page import HelpPage
+from repaint_cli.cli.open import open_page
 from repaint_cli.cli.output import drop_output, guard_output
 from repaint_cli.cli.similarity import similarity
 from repaint_cli.cli.tasks import tasks
@@ -30,6 +31,7 @@ app.command("transfer", cls=HelpPage)(transfer)
 app.command("eval", cls=HelpPage)(evaluate)
 app.command("similarity", cls=HelpPage)(similarity)
 app.command("compare", cls=HelpPage)(compare)
+app.command("open", cls=HelpPage)(open_page)
 app.add_typer(tasks, name="tasks")
 app.add_typer(zoo, name="zoo")
 

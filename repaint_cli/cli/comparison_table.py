@@ -5,7 +5,8 @@ from rich.table import Table
 
 from repaint_cli.cli.console import literal
 from repaint_cli.cli.screen import out
-from repaint_cli.runs.comparison import Comparison, Estimate, Standing
+from repaint_cli.runs.comparison import Comparison
+from repaint_cli.runs.comparison_words import duration, interval, percent, short, verdicts
 
 
 def print_comparison(comparison: Comparison) -> None:
@@ -35,7 +36,7 @@ def _to_target(comparison: Comparison) -> Table:
             reference = row.label == comparison.reference
             cells = [
                 f"{row.reached:.0f}",
-                "-" if reference else _percent(row.reduced),
+                "-" if reference else percent(row.reduced),
                 "-" if reference or np.isnan(row.seconds_reduced) else f"{row.seconds_reduced:.0%}",
                 f"{row.env_steps:,.0f}",
                 duration(row.seconds),
@@ -54,46 +55,3 @@ def _scores(comparison: Comparison) -> Table:
             short(row.best), interval(row.final), p,
         )  # fmt: skip
     return table
-
-
-def verdicts(comparison: Comparison) -> list[str]:
-    """Say in a sentence per run whether its area is ahead of the reference's, or not."""
-    basis = next((row for row in comparison.standings if row.label == comparison.reference), None)
-    return [_verdict(row, basis) for row in comparison.standings if basis and row is not basis]
-
-
-def _verdict(row: Standing, basis: Standing) -> str:
-    ahead = row.area[0] - basis.area[0]
-    if ahead == 0:
-        return f"{row.label} earned exactly what {basis.label} did"
-    word = "above" if ahead > 0 else "below"
-    sure = "" if np.isnan(row.chance) else f", p = {row.chance:.2g}"
-    return (
-        f"{row.label} earned {abs(ahead):.3g} {word} {basis.label} per iteration "
-        f"(mean return {row.area[0]:.4g} against {basis.area[0]:.4g}{sure})"
-    )
-
-
-def short(number: float) -> str:
-    """Write a number for a narrow column."""
-    return "-" if np.isnan(number) else f"{number:.4g}"
-
-
-def interval(estimate: Estimate) -> str:
-    """Write a number with its interval, if it has one."""
-    mean, low, high = estimate
-    return short(mean) + ("" if np.isnan(low) else f" [{low:.3g}, {high:.3g}]")
-
-
-def _percent(estimate: Estimate) -> str:
-    mean, low, high = estimate
-    if np.isnan(mean):
-        return "-"
-    return f"{mean:.0%}" + ("" if np.isnan(low) else f" [{low:.0%}, {high:.0%}]")
-
-
-def duration(seconds: float) -> str:
-    """Write a time: 42 s, 3.1 min, 2.5 h."""
-    if seconds < 60:
-        return f"{seconds:.0f} s"
-    return f"{seconds / 60:.1f} min" if seconds < 3600 else f"{seconds / 3600:.1f} h"

@@ -81,6 +81,8 @@ class Screen(Watcher):
         """Print what was written, and the next command."""
         self._unfinished = None
         plan = trained.plan
+        for notice in trained.notices:
+            out.print(f"[yellow]warning:[/yellow] {literal(notice)}")
         print_written(
             trained.written, plan.resume_command if interrupted else next_command(trained)
         )

@@ -1,6 +1,6 @@
 """Places that users name: a file there is replaced only if repaint wrote it, or if they say so.
 
-What repaint wrote carries a mark, or lies in a folder whose README.md does.
+What repaint wrote carries a mark, or lies in a folder whose page does.
 """
 
 import os
@@ -10,7 +10,9 @@ from pathlib import Path
 from repaint_cli.errors import StoreError
 
 PAGE_MARK = "<!-- written by repaint -->"
-"""The last line of a page in Markdown."""
+"""The last line of a page, Markdown or HTML."""
+PAGES = ("README.md", "report.html")
+"""Pages whose mark is for all files beside them."""
 PICTURE_MARK = "written by repaint"
 """In the metadata of a PNG or SVG."""
 ENDS = 4096
@@ -37,10 +39,11 @@ def check_replaceable(
 
 def _is_ours(path: Path) -> bool:
     page, picture = PAGE_MARK.encode(), PICTURE_MARK.encode()
-    marks = (page,) if path.suffix == ".md" else (page, picture)
+    marks = (page,) if path.suffix in (".md", ".html") else (page, picture)
     if any(mark in _ends_of(path) for mark in marks):
         return True
-    return path.name != "README.md" and page in _ends_of(path.with_name("README.md"))
+    beside = [path.with_name(name) for name in PAGES if path.name not in PAGES]
+    return any(page in _ends_of(other) for other in beside)
 
 
 def _ends_of(path: Path) -> bytes:

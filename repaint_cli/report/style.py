@@ -37,6 +37,15 @@ METHOD_COLOURS = {  # Okabe and Ito's palette
     "repaint-joint": "#56B4E9",
 }
 SPARE_COLOURS = ("#D55E00", "#999999", "#7A5195", "#8C6D31")
+ON_DARK = {  # the same colours where the paper is dark, those that need another lightness
+    "#000000": "#F2F0EA",
+    "#0072B2": "#3B9FE0",
+    "#56B4E9": "#A6DEFF",
+    "#009E73": "#1FC08F",
+    "#D55E00": "#FF7F3A",
+    "#7A5195": "#B78FD6",
+    "#8C6D31": "#C6A55C",
+}
 
 
 def colours_of(labels: Iterable[str]) -> dict[str, str]:

@@ -16,6 +16,7 @@ from repaint_cli.runs.metrics import Report
 from repaint_cli.runs.plan import Plan
 from repaint_cli.runs.reader import RecordedRun, read_run
 from repaint_cli.runs.record import Alarm
+from repaint_cli.runs.run_page import run_page_if_possible
 from repaint_cli.runs.tensorboard import Events, is_installed, require_tensorboard
 
 
@@ -31,6 +32,8 @@ class TrainedRun:
     """Files and folders that it wrote."""
     teacher: Path | None
     """The teacher's file in the user's zoo, if it trained one to the end."""
+    notices: tuple[str, ...] = ()
+    """Warnings of what could not be written, and is no part of the run."""
 
 
 class Watcher:
@@ -151,10 +154,12 @@ def _finish(experiment: Experiment, interrupted: bool, tensorboard: bool) -> Tra
         written.append(teacher)
     run = read_run(plan.folder)
     written += draw_run(run)
+    page, notices = run_page_if_possible(run)
+    written += page
     if plan.task.env.paths:
         written.append(files.evaluations)
     if logs := plan.task.env.logs:
         written += logs.folders(plan.folder, plan.seeds)
     written += [files.tensorboard] if tensorboard else []
     written += [files.environment_log] if files.environment_log.exists() else []
-    return TrainedRun(run, plan, written, teacher)
+    return TrainedRun(run, plan, written, teacher, tuple(notices))

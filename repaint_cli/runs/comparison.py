@@ -25,21 +25,10 @@ Estimate = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
-class Standing:
-    """How one run did."""
+class Arrival:
+    """When one run reached a target."""
 
     label: str
-    method: str
-    seeds: int
-    iterations: int
-    first: Estimate
-    """Mean return of the first evaluation: the jump-start."""
-    area: Estimate
-    """Mean return over the iterations that all runs have."""
-    best: float
-    """Highest point of the mean curve."""
-    final: Estimate
-    """Interquartile mean of the last evaluation."""
     reached: float
     """K, at which the mean curve is at the target; nan if never."""
     reached_each: tuple[float, ...]
@@ -52,6 +41,23 @@ class Standing:
     """Wall-clock time at K, evaluations counted."""
     seconds_reduced: float
     """1 − seconds / seconds of the reference."""
+
+
+@dataclass(frozen=True)
+class Standing(Arrival):
+    """How one run did, and when it reached the target."""
+
+    method: str
+    seeds: int
+    iterations: int
+    first: Estimate
+    """Mean return of the first evaluation: the jump-start."""
+    area: Estimate
+    """Mean return over the iterations that all runs have."""
+    best: float
+    """Highest point of the mean curve."""
+    final: Estimate
+    """Interquartile mean of the last evaluation."""
     chance: float
     """p of the area's difference from the reference's, by permutation of seeds."""
 
@@ -125,24 +131,32 @@ def comparison_of(
 def _standing(
     label: str, run: RecordedRun, basis: RecordedRun | None, target: float | None, common: int
 ) -> Standing:
-    returns, goal = run.returns, np.nan if target is None else target
+    returns, chance = run.returns, np.nan
     areas = area_under_curve(returns[:, :common])
-    reached = iteration_of_mean(returns, goal)
-    reduced: Estimate = (np.nan, np.nan, np.nan)
-    seconds_reduced = chance = np.nan
-    seconds = _at(run, "seconds", reached)
     if basis is not None and basis is not run:
-        reduced = reduction_ci(returns, basis.returns, goal)
-        needed = _at(basis, "seconds", iteration_of_mean(basis.returns, goal))
-        seconds_reduced = 1 - seconds / needed
         chance = differ_by_chance(areas, area_under_curve(basis.returns[:, :common]))
     return Standing(
-        label=label, method=run.method, seeds=len(returns), iterations=returns.shape[1],
+        **vars(arrival_of(label, run, basis, np.nan if target is None else target)),
+        method=run.method, seeds=len(returns), iterations=returns.shape[1],
         first=mean_ci(returns[:, 0]), area=mean_ci(areas), best=float(np.nanmax(returns.mean(0))),
-        final=iqm_ci(returns[:, -1]), reached=reached,
-        reached_each=tuple(iterations_to(returns, goal)), reduced=reduced,
-        env_steps=_at(run, "env_steps", reached), seconds=seconds,
-        seconds_reduced=seconds_reduced, chance=chance,
+        final=iqm_ci(returns[:, -1]), chance=chance,
+    )  # fmt: skip
+
+
+def arrival_of(label: str, run: RecordedRun, basis: RecordedRun | None, target: float) -> Arrival:
+    """Return when a run reached a target, beside the reference if there is another one."""
+    reached = iteration_of_mean(run.returns, target)
+    seconds = _at(run, "seconds", reached)
+    reduced: Estimate = (np.nan, np.nan, np.nan)
+    seconds_reduced = np.nan
+    if basis is not None and basis is not run:
+        reduced = reduction_ci(run.returns, basis.returns, target)
+        needed = _at(basis, "seconds", iteration_of_mean(basis.returns, target))
+        seconds_reduced = 1 - seconds / needed
+    return Arrival(
+        label=label, reached=reached, reached_each=tuple(iterations_to(run.returns, target)),
+        reduced=reduced, env_steps=_at(run, "env_steps", reached), seconds=seconds,
+        seconds_reduced=seconds_reduced,
     )  # fmt: skip
 
 

@@ -1,51 +1,24 @@
-"""A comparison as a folder that stands alone: figures, numbers, and a page that explains them."""
+"""A comparison as a folder that stands alone: a page, its numbers, and figures for print."""
 
 import csv
 import io
 from collections.abc import Mapping, Sequence
-from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
 
 from repaint_cli.files.atomic import write_text
-from repaint_cli.files.foreign import PAGE_MARK
+from repaint_cli.runs.command import command_of, compare_command
 from repaint_cli.runs.comparison import COLUMNS, Comparison, as_row
 from repaint_cli.runs.figures import draw_curves
+from repaint_cli.runs.folder import PAGE
+from repaint_cli.runs.page import Values, write_page
+from repaint_cli.runs.page_files import PageFiles, pictures_of
 from repaint_cli.runs.reader import RecordedRun
+from repaint_cli.runs.settings_shown import differing_settings
 from repaint_cli.statistics import bootstrap_mean
 
-HEADS = (
-    "run", "seeds", "K", "reduced", "steps to target", "seconds to target", "first", "area", "best",
-    "final", "p",
-)  # fmt: skip
-
-PAGE = """# {task}: {labels}
-
-Made by repaint {version}. Target: {target}. Areas are means over the first {iterations} iterations.
-
-![learning curves](curves.png)
-
-{table}
-
-K is the iteration at which the mean evaluation return over seeds reaches the target, as in table 1
-of the REPAINT paper; "not achieved" if it never does. Reduced is 1 - K / K of the reference; steps
-are a seed's environment steps until then, its teachers' samples counted; seconds count evaluations.
-First is the first evaluation (the jump-start), area the mean return over the iterations that all
-runs have, best the highest point of the mean curve, final the interquartile mean of the last
-evaluation. p is the chance of so large a difference in area from the reference if the two methods
-were alike (a permutation test over seeds). Brackets: 95 % percentile bootstrap intervals.
-
-Files: `comparison.csv` has these numbers and more, `curves.csv` every point of the figure,
-`curves.svg` the figure for print. The runs were:
-
-{runs}
-
-{mark}
-"""
-
 PICTURES, TABLES = ("curves.png", "curves.svg"), ("comparison.csv", "curves.csv")
-PAGE_NAME = "README.md"
 
 
 def write_report(
@@ -54,26 +27,75 @@ def write_report(
     """Write the folder; return its files.
 
     Raises:
+        CheckpointError: the alarms of a run are damaged.
         StoreError: the folder cannot be written.
     """
-    pictures = [folder / name for name in PICTURES]
-    for picture in pictures:
-        draw_curves(runs, picture, title_of(comparison), comparison.target)
-    texts = _comparison(comparison), _curves(runs), _page(runs, comparison)
-    for name, text in zip((*TABLES, PAGE_NAME), texts, strict=True):
+    for picture in PICTURES:
+        draw_curves(runs, folder / picture, title_of(comparison), comparison.target)
+    for name, text in zip(TABLES, (_comparison(comparison), _curves(runs)), strict=True):
         write_text(folder / name, text)
+    _page(runs, comparison, folder / PAGE)
     return report_files(folder)
 
 
 def report_files(folder: Path) -> list[Path]:
     """Return the files of a report."""
-    return [folder / name for name in (*PICTURES, *TABLES, PAGE_NAME)]
+    return [folder / name for name in (PAGE, *PICTURES, *TABLES)]
 
 
 def title_of(comparison: Comparison) -> str:
     """Return the title of the figure: the runs if they are few, else how many there are."""
     labels = [standing.label for standing in comparison.standings]
     return f"{comparison.task}: {', '.join(labels) if len(labels) < 3 else f'{len(labels)} runs'}"
+
+
+def _page(runs: Mapping[str, RecordedRun], comparison: Comparison, page: Path) -> Path:
+    files, several = PageFiles(page), len(runs) > 1
+    heads, settings = differing_settings(runs)
+    films = [film for label, run in runs.items() for film in files.films(run.files, f"{label}: ")]
+    first = {label: pictures_of(run.files)[:1] for label, run in runs.items()}
+    own = Values(
+        title=title_of(comparison),
+        kind="A comparison of runs by repaint",
+        subtitle=f"{next(iter(runs.values())).task.summary:.300}",
+        facts=[
+            ("runs", str(len(runs))),
+            ("compared with", comparison.reference or "nothing: no run is from scratch"),
+            ("target", comparison.goal),
+            ("areas over", f"the first {comparison.iterations} iterations"),
+        ],
+        films=films,
+        pictures_title="Trajectories",
+        pictures=[
+            picture
+            for label, some in first.items()
+            for picture in files.pictures(some, f"{label}: ")
+        ],
+        settings_title="Settings in which the runs differ",
+        settings_heads=heads,
+        settings=settings if several else [],
+        no_settings="The runs have the same settings." if several else "There is one run.",
+        commands=_commands(runs, comparison, page.parent),
+        versions="",
+        files_note="The folder has more: comparison.csv with the numbers, curves.csv with every "
+        "point, curves.png and curves.svg for print.",
+    )
+    return write_page(page, own, runs, comparison)
+
+
+def _commands(
+    runs: Mapping[str, RecordedRun], comparison: Comparison, folder: Path
+) -> list[dict[str, str]]:
+    basis = runs[comparison.reference].folder if comparison.reference else None
+    target = comparison.target if comparison.given else None
+    folders = [run.folder for run in runs.values()]
+    return [
+        {"what": "Make this page:", "text": compare_command(folders, basis, target, folder)},
+        *(
+            {"what": f"Begin a run like {label}:", "text": command_of(run.record, run.task)}
+            for label, run in runs.items()
+        ),
+    ]
 
 
 def _comparison(comparison: Comparison) -> str:
@@ -107,40 +129,3 @@ def _cell(value: object) -> object:
     if isinstance(value, list):
         return " ".join("never" if k is None else str(k) for k in value)
     return f"{value:.6g}" if isinstance(value, float | np.floating) else value
-
-
-def _page(runs: Mapping[str, RecordedRun], comparison: Comparison) -> str:
-    rows = [_row(as_row(standing)) for standing in comparison.standings]
-    return PAGE.format(
-        task=comparison.task,
-        labels=", ".join(runs),
-        version=version("repaint-rl"),
-        mark=PAGE_MARK,
-        target=comparison.goal,
-        iterations=comparison.iterations,
-        table="\n".join([_line(HEADS), "|" + "---|" * len(HEADS), *rows]),
-        runs="\n".join(f"- {label}: `{run.folder}`" for label, run in runs.items()),
-    )
-
-
-def _row(row: Mapping[str, object]) -> str:
-    def show(name: str, form: str = ".4g") -> str:
-        return "-" if row[name] is None else format(row[name], form)
-
-    def between(name: str, stem: str, form: str = ".4g") -> str:
-        if row[f"{stem}_low"] is None:
-            return show(name, form)
-        low, high = show(f"{stem}_low", form), show(f"{stem}_high", form)
-        return f"{show(name, form)} [{low}, {high}]"
-
-    reached = "not achieved" if row["k"] is None else str(row["k"])
-    cells = [
-        row["run"], row["seeds"], reached, between("reduced", "reduced", ".0%"),
-        show("env_steps", ",.0f"), show("seconds", ".0f"), show("first"), between("area", "area"),
-        show("best"), between("final_iqm", "final"), show("p", ".2g"),
-    ]  # fmt: skip
-    return _line(cells)
-
-
-def _line(cells: Sequence[object]) -> str:
-    return f"| {' | '.join(map(str, cells))} |"

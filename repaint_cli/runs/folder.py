@@ -20,6 +20,9 @@ RUNS = Path("runs")
 RECORD = "run.json"
 """What makes a folder a run's."""
 
+PAGE = "report.html"
+"""The page of a run or of a comparison, in its folder."""
+
 
 @dataclass(frozen=True)
 class RunFolder:
@@ -112,6 +115,11 @@ class RunFolder:
     def film(self) -> Path:
         """The film of episodes of `repaint eval`."""
         return self.path / "video.mp4"
+
+    @property
+    def page(self) -> Path:
+        """The page of the run that a browser shows."""
+        return self.path / PAGE
 
     def is_run(self) -> bool:
         """Tell whether a run has been begun here."""

@@ -1,0 +1,58 @@
+"""report.html: one run or several as one file that any browser shows; what both kinds have."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from repaint_cli import __version__
+from repaint_cli.files.atomic import write_text
+from repaint_cli.report.html import render_page
+from repaint_cli.runs import page_tables
+from repaint_cli.runs.comparison import Comparison
+from repaint_cli.runs.comparison_words import verdicts
+from repaint_cli.runs.glossary import GLOSSARY, MEANING_OF
+from repaint_cli.runs.page_curves import curves_json, note_of
+from repaint_cli.runs.reader import RecordedRun
+
+MOST_ALARMS = 30
+"""Alarms that a page shows."""
+
+Values = dict[str, Any]
+"""What the template page.html is given, by name."""
+
+
+def write_page(
+    page: Path, own: Values, runs: Mapping[str, RecordedRun], comparison: Comparison
+) -> Path:
+    """Write a page; return it.
+
+    Args:
+        page: where to.
+        own: what this kind of page says beside the curves and tables.
+        runs: by their labels.
+        comparison: their numbers.
+
+    Raises:
+        CheckpointError: the alarms of a run are damaged.
+        StoreError: the page cannot be written.
+    """
+    scores_heads, scores = page_tables.scores(comparison)
+    alarms_heads, alarms = page_tables.alarms(runs)
+    targets = page_tables.targets(runs, comparison)
+    more = len(alarms) - MOST_ALARMS
+    common = Values(
+        version=__version__,
+        verdicts=verdicts(comparison),
+        curves_note=note_of(runs),
+        scores_heads=scores_heads,
+        scores=scores,
+        targets=targets,
+        alarms_heads=alarms_heads,
+        alarms=alarms[:MOST_ALARMS],
+        more_alarms=f"{more} more are in run.json." if more > 0 else "",
+        glossary=[{"id": i, "name": name, "text": text} for i, name, text in GLOSSARY],
+        glossary_of=MEANING_OF,
+        data=curves_json(runs, targets["levels"]),
+    )
+    write_text(page, render_page(common | own))
+    return page
