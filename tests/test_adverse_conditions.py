@@ -17,7 +17,7 @@ from test_runs import record_of
 
 from repaint_cli.errors import CardError, DivergedError
 from repaint_cli.files import atomic
-from repaint_cli.paths import PACKAGE
+from repaint_cli.files.paths import PACKAGE
 from repaint_cli.runs import start
 from repaint_cli.runs.owner import new_run
 from repaint_cli.runs.reader import read_run

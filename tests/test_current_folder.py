@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 from small_runs import QUICK, QUICK_LAP, add_teacher
 
-from repaint_cli.paths import PACKAGE
+from repaint_cli.files.paths import PACKAGE
 
 FIXTURES = Path(__file__).parent / "fixtures"
 ROOT = PACKAGE.parent

@@ -4,7 +4,7 @@ import ast
 
 import pytest
 
-from repaint_cli.paths import PACKAGE
+from repaint_cli.files.paths import PACKAGE
 
 MAY_IMPORT = {
     "ground": "",

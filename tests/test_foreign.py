@@ -9,7 +9,7 @@ from test_runs import SCRATCH
 
 from repaint_cli.errors import CheckpointError, NotFound, StoreError, TeacherMismatch, UsageError
 from repaint_cli.files.commands import command
-from repaint_cli.paths import shipped
+from repaint_cli.files.paths import shipped
 from repaint_cli.policies.spaces import Spaces
 from repaint_cli.runs.folder import RunFolder
 

@@ -26,7 +26,7 @@ from repaint_cli.errors import (
     TeacherMismatch,
     UsageError,
 )
-from repaint_cli.paths import PACKAGE
+from repaint_cli.files.paths import PACKAGE
 from repaint_cli.policies.spaces import Spaces
 from repaint_cli.report import style  # noqa: F401  whose import must leave matplotlib alone
 from repaint_cli.runs import experiment

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from repaint_cli.paths import PACKAGE
+from repaint_cli.files.paths import PACKAGE
 
 nbformat = pytest.importorskip("nbformat")
 nbclient = pytest.importorskip("nbclient")

@@ -18,7 +18,7 @@ from repaint_cli import errors, process
 from repaint_cli.__main__ import main
 from repaint_cli.envs.gymnasium.simulator import GymnasiumSimulator
 from repaint_cli.errors import RepaintError, StoreError
-from repaint_cli.paths import PACKAGE
+from repaint_cli.files.paths import PACKAGE
 from repaint_cli.zoo.teacher_card import read_card
 
 FIXTURES = Path(__file__).parent / "fixtures"

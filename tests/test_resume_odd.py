@@ -11,7 +11,7 @@ from test_runs import SCRATCH, record_of
 
 from repaint_cli.errors import CardError, CheckpointError, StoreError, UsageError
 from repaint_cli.files.lock import folder_lock
-from repaint_cli.paths import shipped
+from repaint_cli.files.paths import shipped
 from repaint_cli.policies.weights import load, save
 from repaint_cli.runs import checkpoint, experiment
 from repaint_cli.zoo.teacher_card import read_card, read_summary

@@ -10,7 +10,7 @@ import pytest
 from small_runs import QUICK, QUICK_LAP, add_teacher
 
 from repaint_cli.files.atomic import UMASK
-from repaint_cli.paths import PACKAGE
+from repaint_cli.files.paths import PACKAGE
 from repaint_cli.runs.folder import RunFolder
 from repaint_cli.runs.metrics import start_csv
 

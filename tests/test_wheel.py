@@ -10,7 +10,7 @@ import pytest
 ROOT = Path(__file__).parents[1]
 
 LOOK = """
-from repaint_cli import paths
+from repaint_cli.files import paths
 from repaint_cli.envs.racer.track.files import load_track
 from repaint_cli.report.html import FOLDER
 from repaint_cli.tasks.card_files import shipped_tasks

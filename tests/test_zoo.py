@@ -8,7 +8,7 @@ import torch
 from small_runs import REACHER, add_teacher, weights_of
 
 from repaint_cli.errors import CheckpointError, NotFound, RepaintError, StoreError, TeacherMismatch
-from repaint_cli.paths import shipped
+from repaint_cli.files.paths import shipped
 from repaint_cli.policies.networks import ActorCritic
 from repaint_cli.policies.spaces import Spaces
 from repaint_cli.tasks.card_files import read_task, shipped_tasks

@@ -8,7 +8,7 @@ import torch
 from small_runs import QUICK, add_teacher, files_below, weights_of
 
 from repaint_cli.errors import UsageError
-from repaint_cli.paths import PACKAGE
+from repaint_cli.files.paths import PACKAGE
 from repaint_cli.zoo import store
 from repaint_cli.zoo.teacher_card import read_card
 

@@ -10,7 +10,7 @@ from repaint_cli.cli.options import ReplaceFiles, Yes, argument, option
 from repaint_cli.cli.zoo_add import add
 from repaint_cli.errors import CardError, CheckpointError, some
 from repaint_cli.files.commands import command
-from repaint_cli.paths import user_zoo
+from repaint_cli.files.paths import user_zoo
 
 zoo = typer.Typer(no_args_is_help=True, help="List, show, check, add, export, remove teachers.")
 zoo.command("add", cls=HelpPage)(add)

@@ -89,7 +89,7 @@ def add(options: AddOptions) -> None:
         repaint zoo add my-teacher model.zip --from sb3 --task reacher
     """
     from repaint_cli.cli.screen import out, print_written
-    from repaint_cli.paths import user_zoo
+    from repaint_cli.files.paths import user_zoo
     from repaint_cli.runs.start import new_teacher_name
     from repaint_cli.zoo import store
 

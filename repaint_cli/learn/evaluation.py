@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from repaint_cli.activity import doing
 from repaint_cli.envs.episodes import Episodes
 from repaint_cli.envs.reward_terms import numbers_in
 from repaint_cli.errors import CardError
@@ -84,7 +85,8 @@ def evaluate(
     noise = task.eval.noise == "paper"
     env, obs = start(task, seeds, n_episodes, purpose, iteration, one_episode=True, noise=noise)
     rngs = [generator(seed, purpose, iteration) for seed in seeds]
-    rollout = collect(env, obs, act, rngs, greedy=True, record=task.env.records)
+    with doing("playing" if purpose is Purpose.SCORE else "evaluating"):
+        rollout = collect(env, obs, act, rngs, greedy=True, record=task.env.records)
     rollout = replace(rollout, actions=clip(rollout.actions, env))
     env.close()
     episodes = _episodes(task, rollout, env_seeds(seeds, purpose, iteration, n_episodes))

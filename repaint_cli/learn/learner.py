@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from repaint_cli.activity import doing
 from repaint_cli.learn.rollout.batches import even_share
 from repaint_cli.learn.rollout.collect import Policy, collect, start
 from repaint_cli.learn.rollout.storage import Rollout
@@ -55,12 +56,13 @@ class Learner:
             n_teachers: how many teachers act in the same iteration and share its steps.
         """
         ppo = card.ppo
-        return self._roll(
-            card, k, policy or self.student.policy, (Purpose.TRAIN, Purpose.ACT),
-            n_steps=None if ppo.n_episodes else even_share(ppo.n_steps or 0, 0, 1 + n_teachers),
-            n_envs=ppo.n_episodes or max(1, ppo.n_envs // (1 + n_teachers)),
-            record=card.env.records,
-        )  # fmt: skip
+        with doing("collecting"):
+            return self._roll(
+                card, k, policy or self.student.policy, (Purpose.TRAIN, Purpose.ACT),
+                n_steps=None if ppo.n_episodes else even_share(ppo.n_steps or 0, 0, 1 + n_teachers),
+                n_envs=ppo.n_episodes or max(1, ppo.n_envs // (1 + n_teachers)),
+                record=card.env.records,
+            )  # fmt: skip
 
     def collect_teacher(
         self,
@@ -88,10 +90,11 @@ class Learner:
         else:
             n_steps = even_share(ppo.n_steps or 0, which + student_acts, sharing)
             n_envs = max(1, ppo.n_envs // sharing)
-        return self._roll(
-            card, k, policy, (Purpose.TEACHER, Purpose.ACT_AS_TEACHER), stream=which,
-            n_steps=n_steps, n_envs=n_envs,
-        )  # fmt: skip
+        with doing("a teacher acts"):
+            return self._roll(
+                card, k, policy, (Purpose.TEACHER, Purpose.ACT_AS_TEACHER), stream=which,
+                n_steps=n_steps, n_envs=n_envs,
+            )  # fmt: skip
 
     def _roll(
         self,

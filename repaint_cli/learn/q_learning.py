@@ -13,6 +13,7 @@ import torch
 from torch import Tensor
 
 from repaint_cli import interruption
+from repaint_cli.activity import doing, progress
 from repaint_cli.errors import CardError, DivergedError, locate_divergence
 from repaint_cli.learn.learner import Learner
 from repaint_cli.learn.rollout.collect import Policy
@@ -55,7 +56,8 @@ def train(card: TaskCard, learner: Learner, course: Course) -> Iterator[Iteratio
         with locate_divergence(learner.seeds, f"iteration {k}"):
             rollout, batches = _collect(card, learner, k, actors)
             learner.memory = extended(learner.memory, batches, card.q_learning.memory)
-            metrics = _learn(card, learner, learner.memory, target, k, selecting=bool(actors))
+            with doing("learning"):
+                metrics = _learn(card, learner, learner.memory, target, k, selecting=bool(actors))
         metrics["episode_return"], metrics["episode_length"] = rollout.mean_episodes()
         metrics["epsilon"] = np.full(len(learner.seeds), epsilon(k, card.q_learning))
         phase: Phase = "instance" if actors else "ppo"
@@ -164,7 +166,7 @@ def _learn(
     frozen, size = [False] * student.n_seeds, card.ppo.minibatch_size
     threshold = config.threshold if selecting else None
     target.storage.copy_(student.storage)
-    for _ in range(config.gradient_steps):
+    for step in range(1, config.gradient_steps + 1):
         drawn = [rng.integers(n, size=size) for rng, n in zip(rngs, memory.counts, strict=True)]
         positions = torch.from_numpy(np.stack(drawn))
         batch = memory.pick(positions, torch.full((len(rngs),), size))
@@ -177,6 +179,7 @@ def _learn(
         torch.autograd.backward(loss.sum())
         learner.optimizer.step((counts > 0).tolist(), frozen)
         means.add(counts, metrics)
+        progress(step, config.gradient_steps, "minibatches")
         interruption.check()
     return means.numpy()
 

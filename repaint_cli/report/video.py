@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
+from repaint_cli.activity import progress
 from repaint_cli.files.atomic import atomic_write
 from repaint_cli.report.style import INK
 
@@ -42,10 +43,11 @@ def write_video(frames: Iterable[Frame], path: Path, fps: float) -> None:
         encoder = _encoder(scratch, _even(first).shape, fps)
         try:
             encoder.send(_even(first))
-            for frame in rest:
+            for number, frame in enumerate(rest, 2):
                 if frame.shape != first.shape:
                     raise ValueError(f"a frame is {frame.shape}, the first one is {first.shape}")
                 encoder.send(_even(frame))
+                progress(number, None, "frames")
         finally:
             encoder.close()
 

@@ -8,8 +8,9 @@ from pathlib import Path
 import torch
 
 from repaint_cli import interruption
+from repaint_cli.activity import doing, progress
 from repaint_cli.envs.output import PrintsInFile, prints_in_file
-from repaint_cli.paths import user_zoo
+from repaint_cli.files.paths import user_zoo
 from repaint_cli.runs.experiment import Experiment
 from repaint_cli.runs.figures import draw_run
 from repaint_cli.runs.metrics import Report
@@ -128,8 +129,10 @@ def _train(
     k = experiment.learner.iteration
     events = Events(plan.files, plan.seeds, k) if tensorboard else nullcontext()
     try:
-        with events as writer:
+        with events as writer, doing("training"):
+            progress(k, plan.task.ppo.n_iterations, "iterations")
             for report in experiment.run():
+                progress(report.stats.iteration, plan.task.ppo.n_iterations, "iterations")
                 prints.flush()
                 watcher.show(report, experiment.newest_alarms)
                 if writer:

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from repaint_cli.activity import doing
 from repaint_cli.envs.episodes import Episodes
 from repaint_cli.errors import CardError, UsageError
 from repaint_cli.files.atomic import as_json, check_writable, write_text
@@ -48,7 +49,7 @@ class Evaluation:
                 "expected an evaluation that keeps observations: keep_observations=True"
             )
         wanted = card.env.filmed_episodes if n_episodes is None else n_episodes
-        with RunFolder(self.policies.folder).locked():
+        with RunFolder(self.policies.folder).locked(), doing("filming"):
             card.env.film(self.episodes, path, self.policies.name, min(wanted, card.eval.episodes))
         return path
 

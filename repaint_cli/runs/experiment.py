@@ -8,6 +8,7 @@ from time import perf_counter
 
 import numpy as np
 
+from repaint_cli.activity import doing
 from repaint_cli.envs.logs import EpisodeLog
 from repaint_cli.errors import RepaintError, StoreError, locate_divergence
 from repaint_cli.files.provenance import versions
@@ -220,7 +221,8 @@ class Experiment:
         """
         best = self.plan.files.best
         network, card = store.read_teacher(best)
-        scored = {"name": name, "score": score(network, self.card, card.seed)}
+        with doing("scoring"):
+            scored = {"name": name, "score": score(network, self.card, card.seed)}
         try:
             return store.add(network, 0, card.model_copy(update=scored), folder, replace=replace)
         except StoreError as error:

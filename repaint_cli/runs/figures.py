@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from repaint_cli.activity import doing
 from repaint_cli.envs.episodes import Episodes
 from repaint_cli.report.curves import plot_curves
 from repaint_cli.runs import evaluations
@@ -17,7 +18,8 @@ PANELS = 6
 
 def draw_run(run: RecordedRun) -> list[Path]:
     """Draw all figures of a run; return their files."""
-    return [path for draw in RUN_FIGURES for path in draw(run)]
+    with doing("drawing"):
+        return [path for draw in RUN_FIGURES for path in draw(run)]
 
 
 def draw_returns(run: RecordedRun) -> list[Path]:

@@ -6,8 +6,8 @@ from pathlib import Path
 
 from repaint_cli.errors import NotFound, StoreError, UsageError, some
 from repaint_cli.files.atomic import check_writable
+from repaint_cli.files.paths import user_zoo
 from repaint_cli.files.provenance import stamp
-from repaint_cli.paths import user_zoo
 from repaint_cli.runs.folder import RUNS
 from repaint_cli.runs.plan import Plan, plan_of
 from repaint_cli.runs.reader import read_run

@@ -13,7 +13,7 @@ from repaint_cli.envs.registry import simulator_class
 from repaint_cli.errors import CardError, NotFound, reported_as
 from repaint_cli.files.commands import command
 from repaint_cli.files.limits import read_text, read_toml
-from repaint_cli.paths import shipped
+from repaint_cli.files.paths import shipped
 from repaint_cli.tasks.card import TaskCard
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from repaint_cli.errors import CardError, StoreError
 from repaint_cli.files.atomic import write_errors
 from repaint_cli.files.commands import command
-from repaint_cli.paths import user_zoo
+from repaint_cli.files.paths import user_zoo
 from repaint_cli.tasks.task import Task
 
 

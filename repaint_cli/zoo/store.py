@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from repaint_cli.errors import CheckpointError, NotFound, StoreError, TeacherMismatch, some
 from repaint_cli.files.headers import read_hash
-from repaint_cli.paths import shipped, user_zoo
+from repaint_cli.files.paths import shipped, user_zoo
 from repaint_cli.tasks.card import TaskCard
 from repaint_cli.zoo.teacher_card import NAME, TeacherCard, check_name, read_card
 

@@ -16,7 +16,7 @@ from repaint_cli.cli.console import literal
 from repaint_cli.cli.tasks import to_toml
 from repaint_cli.envs.racer.deepracer.simtrace_reader import read_training
 from repaint_cli.envs.racer.track.files import load_track
-from repaint_cli.paths import PACKAGE
+from repaint_cli.files.paths import PACKAGE
 from repaint_cli.policies import weights
 from repaint_cli.policies.networks import ActorCritic
 from repaint_cli.policies.spaces import Spaces

@@ -21,7 +21,7 @@ from repaint_cli.envs.racer.deepracer.simtrace_reader import read_training
 from repaint_cli.envs.racer.track.files import load_track
 from repaint_cli.errors import CardError, CheckpointError, RepaintError, reported_as
 from repaint_cli.files.limits import read_bytes
-from repaint_cli.paths import PACKAGE
+from repaint_cli.files.paths import PACKAGE
 from repaint_cli.runs.reader import read_run
 from repaint_cli.tasks.card_files import read_task
 from repaint_cli.zoo import store

@@ -11,6 +11,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from repaint_cli.activity import progress
 from repaint_cli.envs.reward_terms import RewardTerms
 from repaint_cli.errors import DivergedError
 from repaint_cli.learn.rollout.observations import arrays_of, each
@@ -150,6 +151,16 @@ class _Extent:
             self.running &= ~((ended | ~valid) & (self._taken >= self._n_steps)[:, None])
         elif (self._taken >= self._n_steps).all():
             self.running[:] = False
+        self._say_progress()
+
+    def _say_progress(self) -> None:
+        taken, size = int(self._taken.sum()), self.running.size
+        if self._left is not None:
+            progress(taken, taken + self._left * size, "steps")
+        elif self._n_steps is not None:
+            progress(taken, self._n_steps * len(self._taken), "steps")
+        else:
+            progress(size - int(self.running.sum()), size, "episodes")
 
 
 @dataclass(frozen=True)

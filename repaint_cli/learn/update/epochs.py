@@ -7,6 +7,7 @@ import torch
 from torch import Tensor
 
 from repaint_cli import interruption
+from repaint_cli.activity import progress
 from repaint_cli.errors import DivergedError
 from repaint_cli.learn.rollout.gae import Samples
 from repaint_cli.learn.update.adam import RowAdam
@@ -62,7 +63,7 @@ def take_steps(
     """Take the gradient steps with autograd; see `update.update`."""
     means, size = Means(), spec.ppo.minibatch_size
     n_steps = -(-samples.counts // size)  # each seed's own ceil(n / 64)
-    for _ in range(spec.ppo.n_epochs):
+    for epoch in range(spec.ppo.n_epochs):
         order = shuffle(samples, rngs)
         instance_order = None if spec.instances is None else shuffle(spec.instances, rngs)
         for j in range(int(n_steps.max())):
@@ -75,6 +76,8 @@ def take_steps(
             means.add(counts, metrics)
             _check_finite(loss, metrics)
             _step(student, optimizer, loss, (counts > 0).tolist(), spec)
+            n = int(n_steps.max())
+            progress(epoch * n + j + 1, spec.ppo.n_epochs * n, "minibatches")
             interruption.check()
     return spec.of_moved(means.numpy())
 

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from repaint_cli.activity import doing
 from repaint_cli.learn.rollout.gae import Samples
 from repaint_cli.learn.update import epochs
 from repaint_cli.learn.update.adam import RowAdam
@@ -34,6 +35,7 @@ def update(
     Raises:
         DivergedError: a loss is not finite.
     """
-    if compiled.applies_to(student, spec):
-        return compiled.take_steps(student, optimizer, samples, spec, rngs)
-    return epochs.take_steps(student, optimizer, samples, spec, rngs)
+    with doing("learning"):
+        if compiled.applies_to(student, spec):
+            return compiled.take_steps(student, optimizer, samples, spec, rngs)
+        return epochs.take_steps(student, optimizer, samples, spec, rngs)

@@ -7,7 +7,7 @@ from repaint_cli.envs.racer.track.track import Track
 from repaint_cli.errors import CardError, NotFound, reported_as
 from repaint_cli.files.limits import read_bytes
 from repaint_cli.files.npy import NotAnArray, read_npy
-from repaint_cli.paths import shipped
+from repaint_cli.files.paths import shipped
 
 
 def load_track(name: str) -> Track:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from repaint_cli.errors import StoreError
 
-PACKAGE = Path(__file__).parent
+PACKAGE = Path(__file__).parents[1]
 
 
 def shipped(kind: str) -> Path:
