@@ -10,6 +10,7 @@ from collections.abc import Callable
 from typing import Any, TypeVar, cast
 
 import numba
+from numba.core import event
 
 from repaint_cli.process import cache_folder
 
@@ -17,6 +18,14 @@ _Function = TypeVar("_Function", bound=Callable[..., Any])
 
 _FOLDER = os.environ.get("NUMBA_CACHE_DIR") or cache_folder("numba")
 """Where compiled kernels are kept; "" is nowhere."""
+
+_compilations = event.TimingListener()  # type: ignore[no-untyped-call]
+event.register("numba:compile", _compilations)  # type: ignore[no-untyped-call]
+
+
+def seconds_of_compiling() -> float:
+    """Return how long this process has compiled kernels until now, s."""
+    return float(_compilations.duration) if _compilations.done else 0.0
 
 
 def kernel(function: _Function) -> _Function:

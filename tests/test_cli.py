@@ -74,14 +74,14 @@ def test_an_iteration_is_a_line_where_there_is_no_terminal(repaint):
     assert len(lines) == 4
 
 
-def test_a_terminal_shows_a_bar_and_the_newest_numbers(repaint, monkeypatch):
-    terminal = Console(file=io.StringIO(), force_terminal=True, width=80)
+def test_a_terminal_shows_what_is_done_and_the_newest_numbers(repaint, monkeypatch):
+    terminal = Console(file=io.StringIO(), force_terminal=True, width=80, highlight=False)
     monkeypatch.setattr(screen, "out", terminal)
-    repaint(*SCRATCH, "--run", "run")
+    repaint(*SCRATCH, "--run", "run", "--iterations", 8)
     shown = terminal.file.getvalue()
-    for words in ("scratch · reacher", "2/2", "left", "steps/s", "return -"):
+    for words in ("scratch · reacher", "/8 iterations", "steps/s · return -", "iteration 8/8 · "):
         assert words in shown
-    assert "iteration 1/2" not in shown
+    assert "iteration 7/8" not in shown
 
 
 def test_numbers_of_an_iteration_fit_on_a_line(repaint):

@@ -8,7 +8,7 @@ from test_runs import record_of, rows_of
 
 from repaint_cli.errors import StoreError
 from repaint_cli.files.lock import folder_lock
-from repaint_cli.runs.folder import make_new
+from repaint_cli.runs.new_folder import make_new
 
 BEFORE_THE_LOCK = "repaint_cli.files.lock._acquire"
 WITH_THE_LOCK = [
@@ -17,7 +17,7 @@ WITH_THE_LOCK = [
     "repaint_cli.runs.experiment.settle",
     "repaint_cli.runs.carry_out.draw_run",
 ]
-NAMING = "repaint_cli.runs.folder._renamed"
+NAMING = "repaint_cli.runs.new_folder._renamed"
 WHILE_IT_BEGINS = [
     pytest.param("repaint_cli.runs.start.checked_seeds", marks=pytest.mark.slow),
     pytest.param("repaint_cli.runs.folder.folder_lock", marks=pytest.mark.slow),

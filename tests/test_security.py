@@ -11,8 +11,8 @@ from small_runs import QUICK, QUICK_LAP, add_teacher
 
 from repaint_cli.files.atomic import UMASK
 from repaint_cli.files.paths import PACKAGE
-from repaint_cli.runs.folder import RunFolder
 from repaint_cli.runs.metrics import start_csv
+from repaint_cli.runs.new_folder import claimed
 
 ROOT = PACKAGE.parent
 SILENT = """
@@ -140,7 +140,7 @@ def test_folders_for_what_is_unfinished_are_ours_alone(home):
         modes.append(files.path.stat().st_mode & 0o777)
         start_csv(files.metrics)
 
-    with RunFolder(home / "run").claimed(write):
+    with claimed(home / "run", write):
         pass
     assert modes == [0o700]
     assert (home / "run").stat().st_mode & 0o777 == 0o777 & ~UMASK

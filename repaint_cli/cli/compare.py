@@ -64,6 +64,7 @@ def _train(options: CompareOptions, folders: list[Path]) -> list[Path]:
     from rich.console import Console
 
     import repaint_cli
+    from repaint_cli.cli.live import live
     from repaint_cli.runs.compare import check_places, check_reference
 
     paths = options.trajectories
@@ -75,9 +76,10 @@ def _train(options: CompareOptions, folders: list[Path]) -> list[Path]:
     names = parse_methods(methods, jobs)
     card = repaint_cli.load_task(options.task or "").with_settings(settings_of(options))
     screen, trained = Console(stderr=True, soft_wrap=True, highlight=False), list[Path]()
-    for folder in repaint_cli.train_methods(card, names, options.teacher or (), seeds, jobs):
-        trained.append(folder)
-        screen.print(f"{len(trained)} of {len(names)}: wrote [bold]{folder}/[/bold]")
+    with live(screen):
+        for folder in repaint_cli.train_methods(card, names, options.teacher or (), seeds, jobs):
+            trained.append(folder)
+            screen.print(f"{len(trained)} of {len(names)}: wrote [bold]{folder}/[/bold]")
     return sorted(trained, key=lambda folder: names.index(folder.name))
 
 

@@ -81,6 +81,7 @@ def evaluate(options: EvaluateOptions) -> None:
     """
     import repaint_cli
     from repaint_cli.cli.episode_table import table
+    from repaint_cli.cli.live import live
     from repaint_cli.cli.screen import out, print_written
     from repaint_cli.errors import RenderError
     from repaint_cli.runs.evaluate import check_filmed
@@ -89,26 +90,27 @@ def evaluate(options: EvaluateOptions) -> None:
         out.print(table(policies.name, policies.seeds, policies.card.env, episodes))
 
     check_filmed(options.video_episodes)
-    evaluation = repaint_cli.evaluate(
-        options.policy,
-        task=options.task,
-        episodes=options.episodes,
-        noise=options.noise,
-        settings=settings_of(options),
-        seed=None if options.seed is None else seed_list(options.seed, 1)[0],
-        keep_observations=options.render_offscreen,
-        log_folder=options.simtrace,
-        colour=options.colour or "",
-        on_episodes=show,
-    )
-    written, following = list(evaluation.written), _next_command(options, evaluation.policies)
-    if options.render_offscreen:
-        try:
-            written.append(evaluation.film(options.video_episodes))
-        except RenderError:
-            print_written(written, following)
-            raise
-    print_written(written, following)
+    with live(out):
+        evaluation = repaint_cli.evaluate(
+            options.policy,
+            task=options.task,
+            episodes=options.episodes,
+            noise=options.noise,
+            settings=settings_of(options),
+            seed=None if options.seed is None else seed_list(options.seed, 1)[0],
+            keep_observations=options.render_offscreen,
+            log_folder=options.simtrace,
+            colour=options.colour or "",
+            on_episodes=show,
+        )
+        written, following = list(evaluation.written), _next_command(options, evaluation.policies)
+        if options.render_offscreen:
+            try:
+                written.append(evaluation.film(options.video_episodes))
+            except RenderError:
+                print_written(written, following)
+                raise
+        print_written(written, following)
 
 
 def _next_command(options: EvaluateOptions, policies: "Policies") -> str:

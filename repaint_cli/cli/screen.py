@@ -4,14 +4,13 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
-from rich.console import Console, Group
-from rich.live import Live
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-from rich.text import Text
+from rich.console import Console
 
 from repaint_cli.cli.console import literal
+from repaint_cli.cli.live import Pace, duration, live
 from repaint_cli.errors import OutputError, RepaintError, StoreError, Terminated
 from repaint_cli.files.commands import command
+from repaint_cli.kernels import seconds_of_compiling
 from repaint_cli.runs.carry_out import TrainedRun, Watcher
 from repaint_cli.runs.experiment import Experiment
 from repaint_cli.runs.metrics import Report
@@ -28,48 +27,46 @@ class Screen(Watcher):
         self._unfinished: Plan | None = None
         """The plan of a run that has begun and whose files are not all written."""
         self._training = False
-        self._progress = Progress(
-            TextColumn("{task.description}"),
-            BarColumn(),
-            MofNCompleteColumn(),
-            TimeRemainingColumn(compact=True),
-            TextColumn("left"),
-            console=out,
-        )
-        self._bar, self._total, self._numbers = self._progress.add_task(""), 0, Text()
-        self._live = Live(get_renderable=self._render, console=out, refresh_per_second=4)
+        self._numbers, self._total, self._done = "", 0, 0
+        self._pace, self._estimated = Pace(seconds_of_compiling), False
 
-    def _render(self) -> Group:
-        return Group(self._progress, self._numbers)
+    def _left(self) -> float | None:
+        return self._pace.left(self._total - self._done)
 
     def begin(self, experiment: Experiment) -> None:
         """Show what was noticed before a run, and how far it is."""
         for notice in experiment.notices:
             out.print(f"[yellow]warning:[/yellow] {literal(notice)}")
-        plan, done = experiment.plan, experiment.learner.iteration
+        plan, self._done = experiment.plan, experiment.learner.iteration
         self._unfinished, self._training = plan, True
         self._total = plan.task.ppo.n_iterations
-        name = f"{plan.method} · {literal(plan.task.name)}"
-        self._progress.update(self._bar, description=name, total=self._total, completed=done)
-        self._numbers = Text(f"  iteration {done + 1} …", style="dim")
-        if out.is_terminal:
-            self._live.start()
+        self._pace.begin()
 
     def show(self, report: Report, alarms: Sequence[Alarm]) -> None:
         """Show an iteration's numbers, and what looks wrong."""
-        numbers = numbers_of(report)
-        if out.is_terminal:
-            self._progress.update(self._bar, completed=report.stats.iteration)
-            self._numbers = Text("  " + numbers)
-        else:
-            out.print(f"iteration {report.stats.iteration}/{self._total} · {numbers}")
+        self._numbers, self._done = numbers_of(report), report.stats.iteration
+        self._pace.add()
+        if not out.is_terminal:
+            out.print(f"iteration {self._done}/{self._total} · {self._numbers}")
+            self._estimate()
         for alarm in alarms:
             out.print(f"[yellow]warning:[/yellow] {literal(alarm.text)}")
 
+    def _estimate(self) -> None:
+        """Print once how long the rest takes, where that is worth a line."""
+        one, left = self._pace.iteration(), self._left()
+        if one is None or left is None or self._estimated:
+            return
+        self._estimated = True
+        if left >= Pace.LONG:
+            n = self._total - self._done
+            out.print(f"{n} more iterations of {duration(one)} take about {duration(left)}")
+
     def end(self, experiment: Experiment, cause: BaseException | None) -> None:
-        """Stop the live display; print after which iteration a run was interrupted."""
-        if out.is_terminal:
-            self._live.stop()
+        """Print after which iteration a run was interrupted."""
+        if out.is_terminal and self._numbers:
+            out.print(f"iteration {self._done}/{self._total} · {self._numbers}")
+            self._numbers = ""
         if isinstance(cause, KeyboardInterrupt | Terminated):
             out.print(f"interrupted after iteration {experiment.learner.iteration}")
         goes_on = cause is None or (
@@ -90,7 +87,8 @@ class Screen(Watcher):
     def run(self, train: Callable[..., TrainedRun], *args: object, **options: object) -> None:
         """Train; print the command that goes on with the run if it ends early."""
         try:
-            train(*args, watcher=self, **options)
+            with live(out, self._left, lambda: self._numbers):
+                train(*args, watcher=self, **options)
         except OutputError as error:
             if not self._unfinished:
                 raise

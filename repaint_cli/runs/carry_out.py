@@ -129,7 +129,7 @@ def _train(
     k = experiment.learner.iteration
     events = Events(plan.files, plan.seeds, k) if tensorboard else nullcontext()
     try:
-        with events as writer, doing("training"):
+        with events as writer, doing(f"{plan.method} · {plan.task.name}"):
             progress(k, plan.task.ppo.n_iterations, "iterations")
             for report in experiment.run():
                 progress(report.stats.iteration, plan.task.ppo.n_iterations, "iterations")

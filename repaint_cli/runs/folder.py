@@ -1,17 +1,10 @@
 """A run's folder: the one place that names its files."""
 
-import errno
-import os
-import shutil
-import tempfile
-from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager, suppress
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
-from itertools import chain, count
 from pathlib import Path
 
-from repaint_cli.errors import StoreError
-from repaint_cli.files.atomic import TEMPORARY_PREFIX, UMASK, write_errors
+from repaint_cli.files.atomic import TEMPORARY_PREFIX, write_errors
 from repaint_cli.files.lock import folder_lock
 
 RUNS = Path("runs")
@@ -125,48 +118,6 @@ class RunFolder:
         """Tell whether a run has been begun here."""
         return self.record.is_file()
 
-    @contextmanager
-    def claimed(
-        self, write: Callable[["RunFolder"], None], *, numbered: bool = False
-    ) -> Iterator["RunFolder"]:
-        """Make the folder of a new run in one step, with the files that `write` puts into it.
-
-        It is locked before it has its name, as long as the block lasts.
-
-        Args:
-            write: writes its first files.
-            numbered: whether a number is added to a name that is taken.
-
-        Raises:
-            StoreError: the folder exists or cannot be made.
-        """
-        parent = self.path.parent
-        try:
-            parent.mkdir(parents=True, exist_ok=True)
-            beginning = Path(tempfile.mkdtemp(dir=parent, prefix=TEMPORARY_PREFIX))
-        except FileExistsError as error:
-            raise StoreError(f"cannot make {self.path}: {parent} is no folder") from error
-        except OSError as error:
-            raise StoreError(f"cannot make {self.path}: {error.strerror}") from error
-        with folder_lock(beginning):
-            try:
-                write(RunFolder(beginning))
-                named = self._name(beginning, numbered)
-            finally:
-                shutil.rmtree(beginning, ignore_errors=True)  # which is gone once it is named
-            yield named
-
-    def _name(self, beginning: Path, numbered: bool) -> "RunFolder":
-        """Give the first files' folder its name; of several processes one gets it."""
-        try:
-            beginning.chmod(0o777 & ~UMASK)
-            for path in with_numbers(self.path) if numbered else [self.path]:
-                if not os.path.lexists(path) and _renamed(beginning, path):
-                    return RunFolder(path)
-        except OSError as error:
-            raise StoreError(f"cannot make {self.path}: {error.strerror}") from error
-        raise StoreError(f"{self.path} exists already; name another with --run, or --resume it")
-
     def locked(self) -> AbstractContextManager[None]:
         """Hold the folder, so that no other process writes this run.
 
@@ -200,39 +151,6 @@ def runs_in(root: Path, *, deep: bool = False) -> list[RunFolder]:
     """Return the runs whose folders lie in a folder, or anywhere below it if `deep`."""
     records = root.rglob(RECORD) if deep else root.glob(f"*/{RECORD}")
     return [RunFolder(path.parent) for path in records]
-
-
-def with_numbers(path: Path) -> Iterator[Path]:
-    """Yield a path, and then the same with -2, -3, … at its end."""
-    return chain([path], (path.with_name(f"{path.name}-{n}") for n in count(2)))
-
-
-def make_new(path: Path) -> Path:
-    """Make a folder that nobody else has, with a number at its end where the name is taken.
-
-    Raises:
-        StoreError: the folder cannot be made.
-    """
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        for numbered in with_numbers(path):
-            with suppress(FileExistsError):
-                numbered.mkdir()
-                return numbered
-    except OSError as error:
-        raise StoreError(f"cannot make {path}: {error.strerror}") from error
-    raise AssertionError  # numbers do not end
-
-
-def _renamed(folder: Path, path: Path) -> bool:
-    """Rename a folder with files in it; return False if another has that name by now."""
-    try:
-        os.rename(folder, path)
-    except OSError as error:
-        if error.errno not in (errno.EEXIST, errno.ENOTEMPTY, errno.ENOTDIR):
-            raise
-        return False
-    return True
 
 
 def remove(path: Path) -> None:

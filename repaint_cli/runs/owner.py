@@ -9,7 +9,8 @@ from repaint_cli.files.lock import Locked
 from repaint_cli.files.provenance import stamp
 from repaint_cli.runs.experiment import Experiment
 from repaint_cli.runs.find_policies import Policies
-from repaint_cli.runs.folder import RUNS, RunFolder, make_new
+from repaint_cli.runs.folder import RUNS, RunFolder
+from repaint_cli.runs.new_folder import claimed, make_new
 from repaint_cli.runs.plan import Plan
 from repaint_cli.runs.reader import read_run
 from repaint_cli.runs.start import plan_resume
@@ -27,7 +28,7 @@ def new_run(plan: Plan) -> Iterator[Experiment]:
         StoreError: the folder exists or cannot be made.
     """
     experiment = Experiment.prepare(plan)
-    with plan.files.claimed(experiment.write_first, numbered=plan.numbered) as files:
+    with claimed(plan.folder, experiment.write_first, numbered=plan.numbered) as files:
         experiment.plan = replace(plan, folder=files.path)
         trust.remember(experiment.card)
         yield experiment

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from repaint_cli.errors import UsageError
 from repaint_cli.runs.carry_out import carry_out
-from repaint_cli.runs.folder import make_new
+from repaint_cli.runs.new_folder import make_new
 from repaint_cli.runs.owner import new_run
 from repaint_cli.runs.plan import Plan
 from repaint_cli.runs.start import checked_seeds, find_teachers, new_folder

@@ -17,6 +17,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 
 from repaint_cli import process
+from repaint_cli.activity import doing, progress
 from repaint_cli.errors import RepaintError
 from repaint_cli.runs.carry_out import carry_out
 from repaint_cli.runs.owner import new_run
@@ -35,9 +36,11 @@ def train_side_by_side(plans: Sequence[Plan], jobs: int, threads: int) -> Iterat
         RepaintError: what stopped a run, or its process was killed.
     """
     workers = _Workers(threads)
-    with ThreadPoolExecutor(jobs) as pool:
+    with ThreadPoolExecutor(jobs) as pool, doing(f"training, {jobs} at a time"):
         try:
-            for done in as_completed([pool.submit(workers.train, plan) for plan in plans]):
+            each = as_completed([pool.submit(workers.train, plan) for plan in plans])
+            for number, done in enumerate(each, 1):
+                progress(number, len(plans), "runs")
                 if folder := done.result():
                     yield folder
         finally:

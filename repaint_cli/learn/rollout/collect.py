@@ -11,9 +11,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from repaint_cli.activity import progress
 from repaint_cli.envs.reward_terms import RewardTerms
 from repaint_cli.errors import DivergedError
+from repaint_cli.learn.rollout.extent import Extent
 from repaint_cli.learn.rollout.observations import arrays_of, each
 from repaint_cli.learn.rollout.storage import Rollout, RolloutBuilder
 from repaint_cli.learn.seeding import Purpose, env_seeds
@@ -89,7 +89,7 @@ def collect(
     act = _ActingPolicy(policy, _ActionNoise(rngs, shape[1]), greedy)
     resetting = np.zeros(shape, bool) if ended is None else ended
     with torch.no_grad(), _threads_for(obs):
-        extent = _Extent(shape, n_steps, whole, each_steps)
+        extent = Extent(shape, n_steps, whole, each_steps)
         return _roll(env, obs, act, RolloutBuilder(shape, record), extent, resetting)
 
 
@@ -98,7 +98,7 @@ def _roll(
     obs: Any,
     act: "_ActingPolicy",
     builder: RolloutBuilder,
-    extent: "_Extent",
+    extent: Extent,
     resetting: np.ndarray,
 ) -> Rollout:
     """Act and step until every seed has enough; see `collect`."""
@@ -119,48 +119,6 @@ def _roll(
         builder.add_step(envs, distribution, info, valid, actions, rewards, terminated, truncated)
         resetting, acted = terminated | truncated, valid
         extent.advance(valid, resetting)
-
-
-class _Extent:
-    """How far a rollout goes; see `collect`."""
-
-    def __init__(
-        self, shape: tuple[int, int], n_steps: int | None, whole: bool, each_steps: int | None
-    ) -> None:
-        self.running = np.ones(shape, bool)
-        """Which environments go on, (S, N)."""
-        self._n_steps, self._whole, self._left = n_steps, whole, each_steps
-        self._taken = np.zeros(shape[0], int)
-
-    def valid(self, resetting: np.ndarray) -> np.ndarray:
-        """Return whose next step counts, (S, N): no more than the seed still needs."""
-        valid: np.ndarray = self.running & ~resetting
-        if self._n_steps is not None and not self._whole:
-            valid &= valid.cumsum(1) + self._taken[:, None] <= self._n_steps
-        return valid
-
-    def advance(self, valid: np.ndarray, ended: np.ndarray) -> None:
-        """Count a step; `ended` says whose episode it ended, (S, N)."""
-        self._taken += valid.sum(1)
-        if self._left is not None:
-            self._left -= 1
-            self.running &= self._left > 0
-        elif self._n_steps is None:
-            self.running &= ~ended
-        elif self._whole:  # no environment begins another episode once its seed has enough
-            self.running &= ~((ended | ~valid) & (self._taken >= self._n_steps)[:, None])
-        elif (self._taken >= self._n_steps).all():
-            self.running[:] = False
-        self._say_progress()
-
-    def _say_progress(self) -> None:
-        taken, size = int(self._taken.sum()), self.running.size
-        if self._left is not None:
-            progress(taken, taken + self._left * size, "steps")
-        elif self._n_steps is not None:
-            progress(taken, self._n_steps * len(self._taken), "steps")
-        else:
-            progress(size - int(self.running.sum()), size, "episodes")
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,116 @@
+"""A sign of life on a terminal: what is being done, how far it is, and how long the rest takes."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from time import monotonic
+
+from rich.console import Console, Group, RenderableType
+from rich.live import Live
+from rich.progress_bar import ProgressBar
+from rich.table import Table
+from rich.text import Text
+
+from repaint_cli import activity
+from repaint_cli.activity import Activity
+from repaint_cli.cli.console import plain
+
+NAME_WIDTH, BAR_WIDTH, COUNT_WIDTH = 24, 10, 19
+
+
+@contextmanager
+def live(
+    console: Console,
+    left: Callable[[], float | None] = lambda: None,
+    note: Callable[[], str] = lambda: "",
+) -> Iterator[None]:
+    """Show meanwhile what is being done, if the console is a terminal.
+
+    Args:
+        console: on which.
+        left: how many seconds the iterations that are left take, if that is known.
+        note: a line beneath.
+    """
+    waiting = [Activity("starting")]
+
+    def render() -> RenderableType:
+        if now := activity.now():
+            waiting.clear()  # nothing after the last activity
+        rows = Table.grid(padding=(0, 1))
+        for width in (NAME_WIDTH, BAR_WIDTH, COUNT_WIDTH, None):
+            rows.add_column(width=width, no_wrap=True, overflow="ellipsis")
+        for depth, own in enumerate(now or waiting):
+            time = "" if depth else _time(own, left() if own.unit == "iterations" else None)
+            name = Text("  " * depth + plain(own.name))
+            rows.add_row(name, _bar(own), Text(_count(own)), Text(time))
+        beneath = note() if now else ""
+        return Group(rows, Text("  " + beneath)) if beneath else rows
+
+    if not console.is_terminal:
+        yield
+        return
+    with Live(get_renderable=render, console=console, refresh_per_second=4, transient=True):
+        yield
+
+
+def _bar(own: Activity) -> ProgressBar:
+    pulse = own.total is None
+    return ProgressBar(own.total or 1, own.done, BAR_WIDTH, pulse=pulse, animation_time=monotonic())
+
+
+def _count(own: Activity) -> str:
+    if not own.unit:
+        return ""
+    of = "" if own.total is None else f"/{own.total:,.0f}"
+    return f"{own.done:,.0f}{of} {own.unit}"
+
+
+def _time(own: Activity, left: float | None) -> str:
+    minutes, seconds = divmod(int(monotonic() - own.begun), 60)
+    hours, minutes = divmod(minutes, 60)
+    so_far = f"{hours}:{minutes:02}:{seconds:02}" if hours else f"{minutes}:{seconds:02}"
+    return so_far + ("" if left is None else f", {duration(left)} left")
+
+
+def duration(seconds: float) -> str:
+    """Return a duration for people: 40 s, 4 min, 1 h 20 min."""
+    if seconds < 99.5:
+        return f"{seconds:.0f} s"
+    minutes = round(seconds / 60)
+    return f"{minutes} min" if minutes < 60 else f"{minutes // 60} h {minutes % 60} min"
+
+
+class Pace:
+    """How long iterations take, and so how long those that are left will."""
+
+    NEWEST = 5
+    """How many of the last iterations count."""
+    LONG = 10.0
+    """A first iteration of so many seconds counts, too; in a shorter one most is warming up."""
+
+    def __init__(self, compiling: Callable[[], float] = lambda: 0.0) -> None:
+        """Begin to measure; `compiling` says how long code was compiled until now, s."""
+        self._compiling = compiling
+        self.begin()
+
+    def begin(self) -> None:
+        """Begin to measure; what was measured before does not count."""
+        self._seconds: list[float] = []
+        self._since, self._compiled = monotonic(), self._compiling()
+
+    def add(self) -> None:
+        """An iteration has ended."""
+        now, compiled = monotonic(), self._compiling()
+        self._seconds.append(now - self._since - (compiled - self._compiled))
+        self._since, self._compiled = now, compiled
+
+    def iteration(self) -> float | None:
+        """Return how long an iteration takes, s; None while that is not known."""
+        if len(self._seconds) == 1:
+            return self._seconds[0] if self._seconds[0] >= self.LONG else None
+        newest = self._seconds[1:][-self.NEWEST :]
+        return sum(newest) / len(newest) if newest else None
+
+    def left(self, iterations: int) -> float | None:
+        """Return how long so many more iterations take from now on, s."""
+        one = self.iteration()
+        return None if one is None else max(0.0, one * iterations - (monotonic() - self._since))
