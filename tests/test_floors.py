@@ -102,7 +102,7 @@ def test_every_package_is_in_the_table_and_the_ground_is_small():
     packages = {package_of(path) for path in FILES.values()}
     assert packages == set(MAY_IMPORT)
     single = [path for path in FILES.values() if path.parent == PACKAGE]
-    assert len(single) - 1 <= 7  # beside the package's own __init__
+    assert len(single) - 1 <= 8  # beside the package's own __init__
 
 
 def test_files_are_short():

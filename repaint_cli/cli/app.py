@@ -19,6 +19,7 @@ from repaint_cli.cli.train_teacher import train_teacher
 from repaint_cli.cli.transfer import transfer
 from repaint_cli.cli.zoo import zoo
 from repaint_cli.errors import RepaintError, Terminated
+from repaint_cli.threads import WAITING
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -57,6 +58,8 @@ def about(
 def main() -> None:
     """Run a command; turn what the program can explain into one line on stderr and an exit code."""
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "1")  # looking for some takes a while
+    for name, value in WAITING.items():
+        os.environ.setdefault(name, value)
     interruption.listen()
     _replace_unencodable()
     words = [word for word in sys.argv[1:] if word != DEBUG]

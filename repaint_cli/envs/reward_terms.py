@@ -12,6 +12,12 @@ from repaint_cli.envs.simulator import BegunEpisode
 from repaint_cli.errors import CardError, RepaintError
 
 
+def weighted_sum(terms: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """Return w·φ of terms (…, F), (…); a product of matrices would round by the number of rows."""
+    total: np.ndarray = (terms * weights).sum(-1)
+    return total
+
+
 @contextmanager
 def _environment_errors(when: str) -> Iterator[None]:
     """Raise any error of an environment, which is other people's code, as a CardError."""
@@ -86,7 +92,8 @@ class RewardTerms(VectorWrapper):
                 terms[:, column] = self._term(info, name)
             terms[self._ended] = 0
         self._ended = np.logical_or(terminated, truncated)
-        return obs, terms @ self.weights, terminated, truncated, info | {"reward_terms": terms}
+        rewards = weighted_sum(terms, self.weights)
+        return obs, rewards, terminated, truncated, info | {"reward_terms": terms}
 
     def _term(self, info: Mapping[str, Any], name: str) -> Any:
         if name not in info:

@@ -17,6 +17,7 @@ from repaint_cli.runs.plan import Plan
 from repaint_cli.runs.start import checked_seeds, find_teachers, new_folder
 from repaint_cli.tasks.card import TaskCard
 from repaint_cli.tasks.methods import method_for
+from repaint_cli.threads import cores
 
 
 def train_methods(
@@ -71,7 +72,7 @@ def _carried_out(plans: Sequence[Plan], jobs: int) -> Iterator[Path]:
     Raises:
         RepaintError: what stopped a run.
     """
-    threads = None if jobs == 1 else max(1, _cores() // jobs)
+    threads = None if jobs == 1 else max(1, cores() // jobs)
     with joblib.parallel_config("loky", inner_max_num_threads=threads):
         workers = joblib.Parallel(n_jobs=jobs, return_as="generator_unordered")
     outcomes = workers(joblib.delayed(_train)(plan, threads, os.getpid()) for plan in plans)
@@ -80,12 +81,6 @@ def _carried_out(plans: Sequence[Plan], jobs: int) -> Iterator[Path]:
             if problem:
                 raise problem
             yield folder
-
-
-def _cores() -> int:
-    """Return how many cores there are for us: OMP_NUM_THREADS where set, else all."""
-    wanted = os.environ.get("OMP_NUM_THREADS", "")
-    return int(wanted) if wanted.isdecimal() and int(wanted) else os.cpu_count() or 1
 
 
 def _train(plan: Plan, threads: int | None, starter: int) -> tuple[Path, RepaintError | None]:
