@@ -25,7 +25,7 @@ import numpy as np
 from rich.console import Console
 from turns import Table, drawn
 
-from repaint_cli.statistics import mean_ci
+from repaint_cli.report.statistics import mean_ci
 
 RESULTS = Path(__file__).parent / "results" / "beside-sb3.csv"
 SEEDS = range(10)

@@ -23,8 +23,8 @@ from pathlib import Path
 
 import numpy as np
 
+from repaint_cli.report.statistics import area_under_curve, iterations_to
 from repaint_cli.runs.reader import read_run
-from repaint_cli.statistics import area_under_curve, iterations_to
 from repaint_cli.tasks.card_files import read_task
 
 RESULTS = Path(__file__).parent / "results"

@@ -109,6 +109,9 @@ class PPOConfig(Settings):
     compiled: bool = True
     """Whether an `mlp` with the objective `clipped` is updated with derivatives by hand, but for
     joint updates; false runs the formulas as written."""
+    stacked: bool = True
+    """Whether dense networks that are not `compiled` learn all seeds in one product; false learns
+    seed by seed: slower with several, but then each is what it would be alone, bit for bit."""
 
     @model_validator(mode="after")
     def _one_length(self) -> "PPOConfig":

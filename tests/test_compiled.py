@@ -216,7 +216,7 @@ def test_a_minibatch_larger_than_the_samples_takes_no_more_room_than_they():
 def test_the_number_of_threads_changes_nothing(discrete):
     batch, ended = samples(discrete, 40, 30, 20), []
     for threads in (1, 2):
-        with patch.object(torch, "get_num_threads", return_value=threads):
+        with patch.object(compiled, "cores", return_value=threads):
             student, optimizer = learner(discrete)
             learn_on_policy(student, optimizer, batch, HAND, rngs())
             ended.append(student.storage)

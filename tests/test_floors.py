@@ -14,7 +14,7 @@ MAY_IMPORT = {
     "policies": "ground files",
     "tasks": "ground files envs policies",
     "learn": "ground envs tasks policies",
-    "zoo": "ground files tasks policies learn",
+    "zoo": "ground files report tasks policies learn",
     "runs": "ground files report envs tasks policies learn zoo",
     "cli": "ground files report envs tasks policies learn zoo runs door",
     "door": "ground envs tasks policies learn zoo runs cli",

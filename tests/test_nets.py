@@ -6,6 +6,7 @@ import torch.nn.functional as F  # noqa: N812
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from numpy.testing import assert_allclose
 from small_learners import learn_on_policy
 from torch import nn
 from torch.testing import assert_close
@@ -17,6 +18,7 @@ from repaint_cli.learn.update.adam import RowAdam
 from repaint_cli.policies.architecture import NetConfig
 from repaint_cli.policies.networks import ActorCritic, brightness
 from repaint_cli.policies.normalizer import Normalizer
+from repaint_cli.policies.parameters import orthogonal
 from repaint_cli.policies.spaces import Spaces
 from repaint_cli.settings import PPOConfig
 
@@ -370,3 +372,12 @@ def test_a_deeper_network_learns_in_every_layer(name, shared):
         size = int(np.prod(leaf.shape))
         assert moved[0, begin : begin + size].any(), leaf.name
         begin += size
+
+
+@pytest.mark.parametrize("shape", [(4200, 256), (100, 11264)], ids=["tall", "wide"])
+def test_a_large_layer_starts_as_orthogonal_as_a_small_one(shape):
+    drawn = orthogonal(np.random.default_rng(0), shape, 2.0)
+    long = np.random.default_rng(0).standard_normal((max(shape), min(shape)))
+    q, r = np.linalg.qr(long)
+    expected = 2 * q * np.sign(np.diag(r))
+    assert_allclose(drawn if shape[0] > shape[1] else drawn.T, expected, rtol=0, atol=1e-8)

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from repaint_cli.statistics import (
+from repaint_cli.report.statistics import (
     area_under_curve,
     bootstrap_mean,
     differ_by_chance,

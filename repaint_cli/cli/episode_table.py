@@ -6,7 +6,7 @@ from rich.table import Table
 from repaint_cli.cli.console import literal
 from repaint_cli.envs.episodes import Column, Episodes
 from repaint_cli.envs.simulator import Simulator
-from repaint_cli.statistics import mean_ci
+from repaint_cli.report.statistics import mean_ci
 
 
 def table(name: str, seeds: list[int], env: Simulator, episodes: Episodes) -> Table:

@@ -17,6 +17,12 @@ OWN_REWARD = "reward"
 """The term that is the environment's own reward, whatever its info holds under this name."""
 
 
+def weighted_sum(terms: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """Return w·φ of terms (…, F), (…); a product of matrices would round by the number of rows."""
+    total: np.ndarray = (terms * weights).sum(-1)
+    return total
+
+
 @contextmanager
 def _foreign_code(when: str) -> Iterator[None]:
     """Run an environment, which is other people's code.
@@ -103,7 +109,8 @@ class RewardTerms(VectorWrapper):
             terms[self._ended] = 0
         info |= {name: self._record(info, name) for name in self.records}
         self._ended = np.logical_or(terminated, truncated)
-        return obs, terms @ self.weights, terminated, truncated, info | {"reward_terms": terms}
+        rewards = weighted_sum(terms, self.weights)
+        return obs, rewards, terminated, truncated, info | {"reward_terms": terms}
 
     def _numbers(self, info: Mapping[str, Any], name: str) -> np.ndarray:
         """Return what each environment reports as a term, (N,); 0 where it leaves it out."""

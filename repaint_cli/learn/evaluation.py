@@ -108,9 +108,9 @@ def _episodes(task: Task, rollout: Rollout, seeds: list[int]) -> Episodes:
     if finder is not None:
         positions, targets = finder.paths_of(valid, records, observations)
     return Episodes(
-        returns=(rollout.rewards * valid).sum(0),
+        returns=sum(rollout.rewards * valid),  # step by step, however many episodes there are
         lengths=valid.sum(0),
-        terms=(rollout.reward_terms * valid[..., None]).sum(0),
+        terms=sum(rollout.reward_terms * valid[..., None]),
         rewards=np.where(valid, rollout.rewards, np.nan),
         actions=rollout.actions,
         records=records,

@@ -25,7 +25,8 @@ from repaint_cli.learn.transfer import schedules
 from repaint_cli.learn.transfer.course import Course
 from repaint_cli.learn.transfer.schedules import Phase
 from repaint_cli.learn.transfer.teachers import ActingTeacher, soften
-from repaint_cli.learn.update.epochs import Means
+from repaint_cli.learn.update.adam import RowAdam
+from repaint_cli.learn.update.epochs import Means, one_by_one
 from repaint_cli.learn.update.losses import squared_error
 from repaint_cli.learn.update.objectives import mean_over
 from repaint_cli.policies.distributions import Categorical, Distribution
@@ -161,12 +162,32 @@ def _learn(
     selecting: bool,
 ) -> dict[str, np.ndarray]:
     """Take an iteration's gradient steps; see `q_loss`."""
-    student, config, means = learner.student, card.q_learning, Means()
-    rngs = learner.shuffles(k)
-    frozen, size = [False] * student.n_seeds, card.ppo.minibatch_size
-    threshold = config.threshold if selecting else None
+    student, optimizer, rngs = learner.student, learner.optimizer, learner.shuffles(k)
+    threshold = card.q_learning.threshold if selecting else None
     target.storage.copy_(student.storage)
-    for step in range(1, config.gradient_steps + 1):
+    if card.ppo.stacked and not student.spaces.image:
+        return _take_steps(card, student, optimizer, memory, target, threshold, rngs)
+    return one_by_one(
+        lambda s: _take_steps(
+            card, student.alone(s), optimizer.alone(s), memory.alone(s), target.alone(s),
+            threshold, [rngs[s]],
+        ),
+        student.n_seeds,
+    )  # fmt: skip
+
+
+def _take_steps(
+    card: TaskCard,
+    student: ActorCritic,
+    optimizer: RowAdam,
+    memory: Experience,
+    target: ActorCritic,
+    threshold: float | None,
+    rngs: Sequence[np.random.Generator],
+) -> dict[str, np.ndarray]:
+    """Take the steps of all seeds together, in minibatches (S, b) of each seed's own memory."""
+    frozen, size, means = [False] * student.n_seeds, card.ppo.minibatch_size, Means()
+    for step in range(1, card.q_learning.gradient_steps + 1):
         drawn = [rng.integers(n, size=size) for rng, n in zip(rngs, memory.counts, strict=True)]
         positions = torch.from_numpy(np.stack(drawn))
         batch = memory.pick(positions, torch.full((len(rngs),), size))
@@ -177,9 +198,9 @@ def _learn(
             raise DivergedError.of_loss("value_loss", loss[s].item(), s)
         student.gradients.zero_()
         torch.autograd.backward(loss.sum())
-        learner.optimizer.step((counts > 0).tolist(), frozen)
+        optimizer.step((counts > 0).tolist(), frozen)
         means.add(counts, metrics)
-        progress(step, config.gradient_steps, "minibatches")
+        progress(step, card.q_learning.gradient_steps, "minibatches")
         interruption.check()
     return means.numpy()
 

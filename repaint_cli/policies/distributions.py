@@ -70,6 +70,12 @@ class Gaussian:
         same = self.log_std.shape[1] == 1
         return Gaussian(self.mean[rows], self.log_std if same else self.log_std[rows])
 
+    def alone(self, seed: int, n: int) -> "Gaussian":
+        """Return one seed's policy at its first n samples, S = 1."""
+        row = slice(seed, seed + 1)
+        same = self.log_std.shape[1] == 1
+        return Gaussian(self.mean[row, :n], self.log_std[row, : 1 if same else n])
+
 
 @dataclass(frozen=True)
 class Categorical:
@@ -120,6 +126,10 @@ class Categorical:
 
     def __getitem__(self, rows: tuple[Tensor, Tensor]) -> "Categorical":
         return Categorical(self.log_probs[rows])
+
+    def alone(self, seed: int, n: int) -> "Categorical":
+        """Return one seed's policy at its first n samples, S = 1."""
+        return Categorical(self.log_probs[seed : seed + 1, :n])
 
 
 Distribution: TypeAlias = Gaussian | Categorical

@@ -7,7 +7,8 @@ the optimiser's step.
 """
 
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from copy import copy
 from functools import reduce
 from math import inf, prod
 from operator import add
@@ -27,8 +28,20 @@ from repaint_cli.policies.spaces import Spaces
 ACTIVATIONS = {"tanh": torch.tanh, "relu": torch.relu, "elu": F.elu}
 """Of dense layers, by name on a card."""
 
+LINE = 16
+"""Numbers of a line of memory: products may be summed in another order if they begin elsewhere."""
+
 # The gradients are views into one buffer on purpose: one fill zeroes them, one row is a seed's.
 warnings.filterwarnings("ignore", message="grad and param do not obey the gradient layout contract")
+
+
+def threads_for(net: NetConfig) -> int:
+    """Return how many of torch's threads serve networks: all for convolutions, else one.
+
+    Dense layers are so small that threads would wait for each other most of the time; what is worth
+    sharing there, `learn.update.compiled` shares itself.
+    """
+    return torch.get_num_threads() if net.kind == "cnn" else 1
 
 
 class ActorCritic:
@@ -43,15 +56,27 @@ class ActorCritic:
         self.leaves = leaves["policy"] + leaves["value"]
         self.n_policy = sum(prod(leaf.shape) for leaf in leaves["policy"])
         total = sum(prod(leaf.shape) for leaf in self.leaves)
-        self.storage = torch.zeros(n_seeds, total)
-        self.gradients = torch.zeros(n_seeds, total)
+        width = -(-total // LINE) * LINE  # every seed's row begins where it would alone
+        self.storage = torch.zeros(n_seeds, width)[:, :total]
+        self.gradients = torch.zeros(n_seeds, width)[:, :total]
         self.weights = dict(self._views())
-        self._seed_weights = dict(self._split_by_seed()) if spaces.image else {}
         clip = inf if net.obs_clip == "none" else net.obs_clip
         self.normalizer = (
             None if spaces.image
             else Normalizer(n_seeds, spaces.obs_shape[0], clip, net.obs_min_std)
         )  # fmt: skip
+        self._frozen = self._detached()
+        self._seeds = [self.alone(s) for s in range(n_seeds)] if n_seeds > 1 else []
+
+    def alone(self, seed: int) -> "ActorCritic":
+        """Return one seed's networks by themselves, S = 1, in the same memory."""
+        one, row = copy(self), slice(seed, seed + 1)
+        one.n_seeds, one._seeds = 1, []
+        one.storage, one.gradients = self.storage[row], self.gradients[row]
+        one.weights = dict(one._views())
+        one._frozen = one._detached()
+        one.normalizer = self.normalizer.alone(seed) if self.normalizer else None
+        return one
 
     def _views(self) -> Iterator[tuple[str, Tensor]]:
         start = 0
@@ -62,15 +87,6 @@ class ActorCritic:
             weight.grad = self.gradients[:, start:stop].view(shape)
             yield leaf.name, weight
             start = stop
-
-    def _split_by_seed(self) -> Iterator[tuple[str, list[Tensor]]]:
-        """Yield each parameter seed by seed: the gradient of a row would be a copy of all rows."""
-        for name, stacked in self.weights.items():
-            assert stacked.grad is not None
-            rows = [row.detach().requires_grad_() for row in stacked.detach()]
-            for row, gradient in zip(rows, stacked.grad, strict=True):
-                row.grad = gradient
-            yield name, rows
 
     def initialize(self, rngs: Sequence[np.random.Generator]) -> None:
         """Draw every seed's first parameters from its own generator."""
@@ -104,60 +120,81 @@ class ActorCritic:
         return self._forward("value", obs, counts).squeeze(-1)
 
     def _forward(self, network: NetworkName, obs: Any, counts: Sequence[int] | None) -> Tensor:
-        """Return the outputs of the policy's or the critic's head, (S, B, heads)."""
-        if self.normalizer is None:
-            return self._cnn(network, obs, counts)
-        x, activation = self.normalizer.normalize(obs), ACTIVATIONS[self.net.activation]
-        for layer in range(len(self.net.widths(network))):
-            x = activation(self._dense(x, f"{network}.{layer}"))
-        return self._dense(x, f"{network}.head")
+        """Return the outputs of the policy's or the critic's head, (S, B, heads).
 
-    def _dense(self, x: Tensor, name: str) -> Tensor:
-        weight, bias = self.weights[f"{name}.weight"], self.weights[f"{name}.bias"]
-        return torch.baddbmm(bias.unsqueeze(1), x, weight)
+        Seed by seed, so that its neighbours and the padding change no bit of a seed's; but where
+        gradients are wanted of dense networks, in products of all seeds at once, which are faster.
+        """
+        parts = {"": obs} if self.normalizer is None else {"": self.normalizer.normalize(obs)}
+        parts = obs if self.spaces.n_beams else parts
+        one_by_one = self.spaces.image or not torch.is_grad_enabled()
+        if not (one_by_one and self._seeds):
+            return self._outputs(network, parts)
+        width, outs = next(iter(parts.values())).shape[1], []
+        for s, one in enumerate(self._seeds):
+            n = width if counts is None else counts[s]
+            out = one._outputs(network, {name: x[s : s + 1, :n] for name, x in parts.items()})
+            outs.append(out if n == width else F.pad(out, (0, 0, 0, width - n)))
+        return torch.cat(outs)
 
-    def _cnn(self, network: NetworkName, obs: Any, counts: Sequence[int] | None) -> Tensor:
-        """Run the camera network seed by seed: grouped convolutions measured slower."""
-        images, ranges = (obs["camera"], obs["lidar"]) if self.spaces.n_beams else (obs, None)
-        outs, n_samples = [], images.shape[1]
-        for s in range(self.n_seeds):
-            n = n_samples if counts is None else counts[s]
-            seed_ranges = None if ranges is None else ranges[s, :n]
-            out = self._seed_cnn(network, s, images[s, :n], seed_ranges)
-            outs.append(F.pad(out, (0, 0, 0, n_samples - n)))
-        return torch.stack(outs)  # (S, B, heads)
+    def _outputs(self, network: NetworkName, parts: Mapping[str, Tensor]) -> Tensor:
+        """Return outputs (S, B, heads); of images S is 1, as grouped convolutions are slower."""
+        if self.spaces.image:
+            return self._cnn(network, *(x.squeeze(0) for x in parts.values())).unsqueeze(0)
+        x, activation = parts[""], ACTIVATIONS[self.net.activation]
+        learning = torch.is_grad_enabled()
+        *hidden, head = self._dense_layers(network) if learning else self._frozen[network]
+        for weight, bias in hidden:
+            x = activation(torch.baddbmm(bias, x, weight))
+        return torch.baddbmm(head[1], x, head[0])
 
-    def _seed_cnn(
-        self, network: NetworkName, s: int, images: Tensor, ranges: Tensor | None
-    ) -> Tensor:
-        """Return one seed's outputs (B, heads) for images (B, H, W, C) and ranges (B, beams)."""
+    def _dense_layers(self, network: NetworkName) -> list[tuple[Tensor, Tensor]]:
+        """Return the weights (S, in, out) and biases (S, 1, out) of a dense network."""
+        names = [f"{network}.{i}" for i in (*range(len(self.net.widths(network))), "head")]
+        return [
+            (self.weights[f"{n}.weight"], self.weights[f"{n}.bias"].unsqueeze(1)) for n in names
+        ]
+
+    def _detached(self) -> dict[NetworkName, list[tuple[Tensor, Tensor]]]:
+        """Return the layers of dense networks without gradients: acting is many small calls."""
+        names: tuple[NetworkName, ...] = () if self.spaces.image else ("policy", "value")
+        with torch.no_grad():
+            return {
+                name: [(weight.detach(), bias) for weight, bias in self._dense_layers(name)]
+                for name in names
+            }
+
+    def _cnn(self, network: NetworkName, images: Tensor, ranges: Tensor | None = None) -> Tensor:
+        """Return outputs (B, heads) for images (B, H, W, C) and ranges (B, beams)."""
         torso = "policy" if self.net.shared else network
-        x = self._conv_torso(torso, s, images)
+        x = self._conv_torso(torso, images)
         if ranges is not None:
             y = 1 - ranges  # so that a beam that meets nothing is 0
             for layer in range(len(LIDAR_WIDTHS)):
-                y = torch.relu(self._seed_dense(s, y, f"{torso}.lidar{layer}"))
+                y = torch.relu(self._dense(y, f"{torso}.lidar{layer}"))
             x = torch.cat([x, y], 1)
-        x = torch.relu(self._seed_dense(s, x, f"{network}.dense"))
-        return self._seed_dense(s, x, f"{network}.head")
+        x = torch.relu(self._dense(x, f"{network}.dense"))
+        return self._dense(x, f"{network}.head")
 
-    def _conv_torso(self, network: NetworkName, s: int, images: Tensor) -> Tensor:
-        """Return one seed's features (B, n) of images (B, H, W, C)."""
+    def _conv_torso(self, network: NetworkName, images: Tensor) -> Tensor:
+        """Return features (B, n) of images (B, H, W, C)."""
         torso = self.net.conv_torso
         activation = torch.tanh if torso.tanh else torch.relu
         x = brightness(images, self.net.pool)
         for layer, (_, _, stride) in enumerate(torso.layers):
-            name = f"{network}.conv{layer}"
-            weight, bias = self._seed_weights[f"{name}.weight"], self._seed_weights[f"{name}.bias"]
-            x = activation(F.conv2d(x, weight[s], bias[s], stride))
+            x = activation(F.conv2d(x, *self._layer(f"{network}.conv{layer}"), stride))
         x = x.flatten(1)
         if torso.dense:
-            x = activation(self._seed_dense(s, x, f"{network}.embed"))
+            x = activation(self._dense(x, f"{network}.embed"))
         return x
 
-    def _seed_dense(self, s: int, x: Tensor, name: str) -> Tensor:
-        weight, bias = self._seed_weights[f"{name}.weight"], self._seed_weights[f"{name}.bias"]
-        return torch.addmm(bias[s], x, weight[s])
+    def _dense(self, x: Tensor, name: str) -> Tensor:
+        weight, bias = self._layer(name)
+        return torch.addmm(bias, x, weight)
+
+    def _layer(self, name: str) -> tuple[Tensor, Tensor]:
+        """Return the weight and the bias of a layer of the only seed."""
+        return self.weights[f"{name}.weight"].squeeze(0), self.weights[f"{name}.bias"].squeeze(0)
 
 
 def brightness(images: Tensor, pool: int) -> Tensor:

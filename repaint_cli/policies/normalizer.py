@@ -1,5 +1,7 @@
 """The running normaliser of observations, saved and loaded with the policy."""
 
+from copy import copy
+
 import torch
 from torch import Tensor
 
@@ -23,13 +25,23 @@ class Normalizer:
         self.mean = torch.zeros(n_seeds, n_features, dtype=torch.float64)
         self.var = torch.ones(n_seeds, n_features, dtype=torch.float64)
         self.count = torch.zeros(n_seeds, dtype=torch.float64)
+        # a deviation near 0 magnifies the mean's rounding error, so without min_std: in float64
+        dtype = torch.float32 if min_std else torch.float64
+        self._shift = torch.empty(n_seeds, 1, n_features, dtype=dtype)
+        self._scale = torch.empty_like(self._shift)
         self._refresh()
 
+    def alone(self, seed: int) -> "Normalizer":
+        """Return one seed's normaliser in the same memory; it is read, not updated."""
+        one, row = copy(self), slice(seed, seed + 1)
+        one.mean, one.var, one.count = self.mean[row], self.var[row], self.count[row]
+        one._shift, one._scale = self._shift[row], self._scale[row]
+        return one
+
     def _refresh(self) -> None:
-        # a deviation near 0 magnifies the mean's rounding error, so without min_std: in float64
-        dtype = torch.float32 if self.min_std else torch.float64
-        self._shift = self.mean.to(dtype).unsqueeze(1)  # (S, 1, O)
-        self._scale = 1 / self.var.sqrt().clamp(min=self.min_std).to(dtype).unsqueeze(1)
+        std = self.var.sqrt().clamp(min=self.min_std).to(self._scale.dtype)
+        self._shift.copy_(self.mean.unsqueeze(1))
+        self._scale.copy_(1 / std.unsqueeze(1))
 
     def normalize(self, obs: Tensor) -> Tensor:
         """Return normalised observations (S, B, O) float32."""

@@ -19,6 +19,9 @@ NetworkName = Literal["policy", "value"]
 LIDAR_WIDTHS = (256, 256)
 """Of the ReLU layers that read a lidar, beside the convolutions."""
 
+LARGE = 2**20
+"""Numbers of a matrix whose factorisation takes a second: the first dense layer of a camera."""
+
 
 @dataclass(frozen=True)
 class Leaf:
@@ -113,7 +116,20 @@ def _dense(name: str, n_in: int, n_out: int, gain: float) -> Iterator[Leaf]:
 def orthogonal(rng: np.random.Generator, shape: tuple[int, ...], gain: float) -> np.ndarray:
     """Draw a matrix with orthogonal rows or columns, times gain, float32; a filter is a row."""
     rows, columns = (shape[0], prod(shape[1:]))
-    drawn = rng.standard_normal((max(rows, columns), min(rows, columns)))
-    q, r = np.linalg.qr(drawn)
-    q = q * np.sign(np.diag(r))
+    q = _orthonormal(rng.standard_normal((max(rows, columns), min(rows, columns))))
     return (gain * (q if rows >= columns else q.T)).reshape(shape).astype(np.float32)
+
+
+def _orthonormal(drawn: np.ndarray) -> np.ndarray:
+    """Return Q of drawn = Q·R, where the diagonal of R is positive; then Q is uniform (Haar).
+
+    Of a large and tall matrix by drawnᵀ·drawn = Rᵀ·R, six times as fast: its columns are nearly at
+    right angles (condition at most 3), so that Q is as exact as by Householder's reflections.
+    """
+    rows, columns = drawn.shape
+    if drawn.size > LARGE and rows >= 4 * columns:
+        lower = np.linalg.cholesky(drawn.T @ drawn)
+        q: np.ndarray = drawn @ np.linalg.inv(lower).T
+        return q
+    q, r = np.linalg.qr(drawn)
+    return q * np.sign(np.diag(r))

@@ -9,7 +9,7 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike
 
 from repaint_cli.report import style
-from repaint_cli.statistics import Floats, bootstrap_mean
+from repaint_cli.report.statistics import Floats, bootstrap_mean
 
 WIDTH, HEIGHT = 7.6, 4.4
 LABEL_GAP = 0.055

@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 
 from repaint_cli.report import style
 from repaint_cli.report.markers import Marker
-from repaint_cli.statistics import Floats
+from repaint_cli.report.statistics import Floats
 
 MAX_COLUMNS = 3
 LEAST_SPAN = 0.1

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from repaint_cli.errors import NotFound
-from repaint_cli.runs.reader import RecordedRun
-from repaint_cli.statistics import (
+from repaint_cli.report.statistics import (
     area_under_curve,
     differ_by_chance,
     iqm_ci,
@@ -16,6 +15,7 @@ from repaint_cli.statistics import (
     mean_ci,
     reduction_ci,
 )
+from repaint_cli.runs.reader import RecordedRun
 
 REFERENCE = "scratch"
 """The run that others are compared with where none is named; it may be absent."""

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from repaint_cli.report import style
+from repaint_cli.report.statistics import bootstrap_mean
 from repaint_cli.runs.reader import RecordedRun
-from repaint_cli.statistics import bootstrap_mean
 
 MOST_POINTS = 400
 """Of a curve; of longer ones some iterations are left out."""

@@ -6,14 +6,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import torch
-
 from repaint_cli.errors import NotFound, TeacherMismatch, UsageError
 from repaint_cli.files.atomic import sha256
 from repaint_cli.files.commands import command
 from repaint_cli.files.provenance import versions
 from repaint_cli.learn import q_learning
 from repaint_cli.learn.evaluation import spaces_of
+from repaint_cli.policies.networks import threads_for
 from repaint_cli.policies.spaces import Spaces
 from repaint_cli.runs.folder import RunFolder
 from repaint_cli.runs.measuring import check_episodes
@@ -108,7 +107,7 @@ class Plan:
             teachers=list(teachers.records),
             automatic=self.target.automatic and bool(teachers.teachers),
             versions=versions(),
-            threads=torch.get_num_threads(),
+            threads=threads_for(self.target.net),
         )
 
     def identity(self, teachers: RunTeachers) -> dict[str, Any]:

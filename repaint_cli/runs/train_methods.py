@@ -1,6 +1,5 @@
 """Train several methods on the same seeds, each in a process of its own, for a comparison."""
 
-import os
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -14,6 +13,7 @@ from repaint_cli.runs.start import checked_seeds, find_teachers, new_folder
 from repaint_cli.runs.workers import train_side_by_side
 from repaint_cli.tasks.card import TaskCard
 from repaint_cli.tasks.methods import method_for
+from repaint_cli.threads import cores
 
 
 def train_methods(
@@ -69,14 +69,8 @@ def _carried_out(plans: Sequence[Plan], jobs: int) -> Iterator[Path]:
         RepaintError: what stopped a run.
     """
     if jobs > 1:
-        yield from train_side_by_side(plans, jobs, threads=max(1, _cores() // jobs))
+        yield from train_side_by_side(plans, jobs, threads=max(1, cores() // jobs))
         return
     for plan in plans:
         carry_out(new_run(plan), finish_interrupted=False)
         yield plan.folder
-
-
-def _cores() -> int:
-    """Return how many cores there are for us: OMP_NUM_THREADS where set, else all."""
-    wanted = os.environ.get("OMP_NUM_THREADS", "")
-    return int(wanted) if wanted.isdecimal() and int(wanted) else os.cpu_count() or 1

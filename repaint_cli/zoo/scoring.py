@@ -3,7 +3,7 @@
 from repaint_cli.learn.evaluation import evaluate
 from repaint_cli.learn.seeding import Purpose
 from repaint_cli.policies.networks import ActorCritic
-from repaint_cli.statistics import mean_ci
+from repaint_cli.report.statistics import mean_ci
 from repaint_cli.tasks.card import TaskCard
 from repaint_cli.zoo.teacher_card import Score
 

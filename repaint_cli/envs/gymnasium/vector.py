@@ -5,7 +5,6 @@ observation, the following step ignores its action and returns the first observa
 episode. SI units are the environment's own.
 """
 
-import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from importlib.util import find_spec
@@ -17,6 +16,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 
 from repaint_cli.envs.gymnasium.copies import Copies
 from repaint_cli.errors import CardError
+from repaint_cli.threads import cores
 
 ENVPOOL_IDS = frozenset({"Reacher-v5", "Ant-v5"})
 """Ids whose bodies, numbers and reward terms a test holds equal to Gymnasium's."""
@@ -70,15 +70,6 @@ def _constructor_errors(env_id: str) -> Iterator[None]:
         raise CardError(f"cannot make the environment '{env_id}': {reason}") from error
 
 
-def _cores() -> int:
-    """Return how many threads to use, as torch does: OMP_NUM_THREADS where set, else all cores.
-
-    More than cores would spin against each other; results do not depend on their number.
-    """
-    wanted = os.environ.get("OMP_NUM_THREADS", "")
-    return int(wanted) if wanted.isdecimal() and int(wanted) else os.cpu_count() or 1
-
-
 class EnvPoolVector(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
     """EnvPool behind Gymnasium's interface: seeds are given to `reset`, which makes the pool."""
 
@@ -105,7 +96,7 @@ class EnvPoolVector(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
             env_type="gymnasium",
             num_envs=self.num_envs,
             seed=seeds,
-            num_threads=min(self.num_envs, _cores()),
+            num_threads=min(self.num_envs, cores()),
         )
 
     def reset(

@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from repaint_cli.learn.rollout.observations import Observations
-from repaint_cli.policies.distributions import concat_policies
+from repaint_cli.policies.distributions import Distribution, concat_policies
 from repaint_cli.settings import PPOConfig
 
 
@@ -32,6 +32,18 @@ class SeedBatch:
         """Which entries are real, (S, B) bool."""
         width = self.columns["rows"].shape[1]
         return torch.arange(width) < self.counts.unsqueeze(1)
+
+    def alone(self, seed: int) -> Self:
+        """Return one seed's entries without padding, as if it were the only one."""
+        row, n = slice(seed, seed + 1), int(self.counts[seed])
+        columns = {
+            name: column.alone(seed, n) if isinstance(column, Distribution) else column[row, :n]
+            for name, column in self.columns.items() if column is not None
+        }  # fmt: skip
+        store = self.observations.stores[seed]
+        return replace(  # type: ignore[type-var]
+            self, observations=Observations([store]), counts=self.counts[row], **columns
+        )
 
     def pick(self, positions: Tensor, counts: Tensor) -> Self:
         """Return the entries at positions (S, K), of which each seed's first counts[s] are real."""
@@ -81,6 +93,14 @@ def _concatenated(columns: Sequence[Any]) -> Any:
     return (
         torch.cat(list(columns), 1) if isinstance(columns[0], Tensor) else concat_policies(columns)
     )
+
+
+def row_sums(numbers: Tensor, counts: Tensor) -> Tensor:
+    """Return the sum of each seed's first counts[s] numbers, (S, B) → (S,).
+
+    Not of a padded row: torch sums in another order where the row is longer.
+    """
+    return torch.cat([numbers[s : s + 1, :n].sum(1) for s, n in enumerate(counts.tolist())])
 
 
 def even_share(total: int, which: int, of: int) -> int:

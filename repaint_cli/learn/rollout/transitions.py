@@ -8,6 +8,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from repaint_cli.envs.reward_terms import weighted_sum
 from repaint_cli.learn.rollout.batches import SeedBatch
 from repaint_cli.learn.rollout.observations import Observations
 from repaint_cli.learn.rollout.storage import Rollout
@@ -82,7 +83,9 @@ def transitions(rollout: Rollout, weights: np.ndarray | None = None) -> Transiti
         rollout: of the student or of a teacher.
         weights: w of another task with the same terms, (F,); the rollout's own where absent.
     """
-    rewards: Any = rollout.rewards if weights is None else rollout.reward_terms @ weights
+    rewards: Any = (
+        rollout.rewards if weights is None else weighted_sum(rollout.reward_terms, weights)
+    )
     return Transitions(
         observations=rollout.observations,
         rows=flat(rollout, rollout.index[:-1]),

@@ -10,7 +10,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from repaint_cli.learn.rollout.batches import front
+from repaint_cli.learn.rollout.batches import front, row_sums
 from repaint_cli.learn.rollout.gae import Samples
 from repaint_cli.settings import SelectConfig
 
@@ -23,10 +23,9 @@ PRIORITY_FLOOR = 1e-6
 
 def moments(samples: Samples) -> Moments:
     """Return each seed's mean and standard deviation of Â over its real samples, (S, 1) each."""
-    mask, n = samples.mask, samples.counts.unsqueeze(1)
-    n = n.clamp(min=1)
-    mean = (samples.advantages * mask).sum(1, keepdim=True) / n
-    var = ((samples.advantages - mean) ** 2 * mask).sum(1, keepdim=True) / n
+    n = samples.counts.clamp(min=1)
+    mean = (row_sums(samples.advantages, samples.counts) / n).unsqueeze(1)
+    var = (row_sums((samples.advantages - mean) ** 2, samples.counts) / n).unsqueeze(1)
     return mean, var.sqrt()
 
 
@@ -128,7 +127,7 @@ def prioritized(
     """
     priorities = (samples.advantages.abs().double() + PRIORITY_FLOOR) ** config.priority_exponent
     priorities = priorities * samples.mask
-    chances = priorities / priorities.sum(1, keepdim=True)
+    chances = priorities / row_sums(priorities, samples.counts).unsqueeze(1)
     importance = (samples.counts.unsqueeze(1) * chances) ** -config.importance_exponent
     importance = importance.where(samples.mask, 0.0)
     weights = (importance / importance.amax(1, keepdim=True)).float()

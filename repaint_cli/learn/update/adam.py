@@ -1,6 +1,7 @@
 """Adam that moves some seeds' policies or critics and leaves the rest exactly where they are."""
 
 from collections.abc import Sequence
+from copy import copy
 
 import torch
 from torch import Tensor
@@ -35,6 +36,13 @@ class RowAdam:
             for s in range(n_seeds)
         ]
         self.learning_rate = learning_rate
+
+    def alone(self, seed: int) -> "RowAdam":
+        """Return one seed's optimiser in the same memory, at the same rate."""
+        one, row = copy(self), slice(seed, seed + 1)
+        one.first, one.second, one.steps = self.first[row], self.second[row], self.steps[:, row]
+        one._rows = self._rows[seed :: self.steps.shape[1]]  # its policy and its critic
+        return one
 
     def step(self, policies: Sequence[bool], critics: Sequence[bool], scale: float = 1.0) -> None:
         """Move the named policies and critics, (S,) each; policies at `scale` times the rate."""

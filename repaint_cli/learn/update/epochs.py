@@ -1,6 +1,6 @@
 """The update as written: epochs of minibatches, for all seeds at once, each as if alone."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import torch
@@ -60,7 +60,49 @@ def take_steps(
     spec: UpdateSpec,
     rngs: Sequence[np.random.Generator],
 ) -> dict[str, np.ndarray]:
-    """Take the gradient steps with autograd; see `update.update`."""
+    """Take the gradient steps with autograd; see `update.update`.
+
+    Seed by seed, as if each were alone; dense networks all at once where `ppo.stacked`.
+    """
+    if spec.ppo.stacked and not student.spaces.image:
+        return _take_steps(student, optimizer, samples, spec, rngs)
+    return one_by_one(
+        lambda s: _take_steps(
+            student.alone(s), optimizer.alone(s), samples.alone(s),
+            spec.alone(s, int(samples.counts[s])), [rngs[s]],
+        ),
+        student.n_seeds,
+    )  # fmt: skip
+
+
+def one_by_one(
+    steps: Callable[[int], dict[str, np.ndarray]], n_seeds: int
+) -> dict[str, np.ndarray]:
+    """Take each seed's steps by themselves; return its metrics, (S,) each, nan of no step.
+
+    Raises:
+        DivergedError: a seed's loss is not finite; earlier ones have taken all their steps.
+    """
+    parts = []
+    for s in range(n_seeds):
+        try:
+            parts.append(steps(s))
+        except DivergedError as error:
+            error.row = s  # it was the only one
+            raise
+    names = dict.fromkeys(name for part in parts for name in part)
+    nothing = np.full(1, np.nan, np.float32)
+    return {name: np.concatenate([part.get(name, nothing) for part in parts]) for name in names}
+
+
+def _take_steps(
+    student: ActorCritic,
+    optimizer: RowAdam,
+    samples: Samples,
+    spec: UpdateSpec,
+    rngs: Sequence[np.random.Generator],
+) -> dict[str, np.ndarray]:
+    """Take the steps of all seeds together, in minibatches (S, b) of each seed's own samples."""
     means, size = Means(), spec.ppo.minibatch_size
     n_steps = -(-samples.counts // size)  # each seed's own ceil(n / 64)
     for epoch in range(spec.ppo.n_epochs):

@@ -5,6 +5,7 @@ from collections.abc import Callable
 import torch
 from torch import Tensor
 
+from repaint_cli.learn.rollout.batches import row_sums
 from repaint_cli.learn.rollout.gae import Samples
 from repaint_cli.learn.update.losses import (
     approx_kl,
@@ -30,7 +31,7 @@ def mean_over(counts: Tensor, width: int) -> Callable[[Tensor], Tensor]:
 
 def masked_mean(numbers: Tensor, counts: Tensor) -> Tensor:
     """Return each seed's mean of its first counts[s] numbers, (S, b) → (S,); 0 of none."""
-    return mean_over(counts, numbers.shape[1])(numbers)
+    return row_sums(numbers * (1 / counts.clamp(min=1)).unsqueeze(1), counts)
 
 
 def objective(policy: Distribution, log_probs: Tensor, batch: Samples, spec: UpdateSpec) -> Tensor:

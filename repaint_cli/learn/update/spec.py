@@ -1,6 +1,6 @@
 """What one update is to do: the same record for the plain and for the compiled one."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -41,6 +41,16 @@ class UpdateSpec:
     def __post_init__(self) -> None:
         if self.loss == "instance" and self.networks != "policy":
             raise ValueError(f"teacher samples train policies only, found {self.networks!r}")
+
+    def alone(self, seed: int, n: int) -> "UpdateSpec":
+        """Return the specification for one seed, which has n samples."""
+        beta = self.beta[seed : seed + 1] if isinstance(self.beta, Tensor) else self.beta
+        return replace(
+            self,
+            teacher=self.teacher and self.teacher.alone(seed, n),
+            beta=beta,
+            instances=self.instances and self.instances.alone(seed),
+        )
 
     @property
     def moves_policy(self) -> bool:

@@ -27,6 +27,7 @@ from repaint_cli.learn.update.compiled.views import adam_view, leaf_view, networ
 from repaint_cli.learn.update.spec import UpdateSpec
 from repaint_cli.policies.distributions import Categorical, Gaussian
 from repaint_cli.policies.networks import ActorCritic
+from repaint_cli.threads import cores
 
 POLICY_METRIC_NAMES = (
     "policy_loss", "entropy", "cross_entropy", "approx_kl", "clip_fraction", "log_ratio"
@@ -73,7 +74,7 @@ def take_steps(
     if spec.moves_critic:
         returns = samples.returns.numpy()
         jobs += [partial(_value_steps, seed, returns[seed.s], of_critic[seed.s]) for seed in seeds]
-    with _blas().limit(limits=1), ThreadPoolExecutor(torch.get_num_threads()) as pool:
+    with _blas().limit(limits=1), ThreadPoolExecutor(cores()) as pool:
         steps = list(pool.map(lambda job: job(), jobs))
     interruption.check()
     means = _means(np.concatenate([of_policy, of_critic], 2), np.array(steps[: len(counts)]))
