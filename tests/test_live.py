@@ -1,6 +1,7 @@
 """A sign of life: what is being done, how far it is, how long the rest takes."""
 
 import io
+import re
 
 import numpy as np
 import pytest
@@ -95,12 +96,12 @@ def test_a_terminal_shows_each_activity_within_80_columns(clock):
         activity.progress(112, 1200, "iterations")
         clock.now += 4805
         with activity.doing("learning"):
-            activity.progress(1120, 1260, "minibatches")
+            activity.progress(1120, 1260, "batches")
             shown = drawn(terminal(), left=lambda: 11_100, note=lambda: "return 3")
-    lines = [line.rstrip() for line in shown.splitlines()]
+    lines = [re.sub(r"\x1b\[[\d?]*\w", "", line).rstrip() for line in shown.splitlines()]
     outer = [line for line in lines if line.startswith("repaint-joint")]
     assert outer[-1].endswith("112/1,200 iterations 1:20:05, 3 h 5 min left")
-    assert any("  learning" in line and "1,120/1,260 minibat" in line for line in lines)
+    assert any("  learning" in line and "1,120/1,260 batches" in line for line in lines)
     assert "  return 3" in lines
     assert max(map(len, lines)) <= 80
 
@@ -129,7 +130,7 @@ def test_nothing_is_shown_where_there_is_no_terminal():
     ("task", "wanted"),
     [
         (reach(n_iterations=1, compiled=False),
-         {("collecting", 72, 72, "steps"), ("learning", 6, 6, "minibatches")}),
+         {("collecting", 72, 72, "steps"), ("learning", 6, 6, "batches")}),
         (guess(n_iterations=1, compiled=False), {("collecting", 4, 4, "episodes")}),
     ],
 )  # fmt: skip

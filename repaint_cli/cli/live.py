@@ -14,7 +14,7 @@ from repaint_cli import activity
 from repaint_cli.activity import Activity
 from repaint_cli.cli.console import plain
 
-NAME_WIDTH, BAR_WIDTH, COUNT_WIDTH = 24, 10, 19
+NAME_WIDTH, BAR_WIDTH, COUNT_WIDTH = 24, 10, 20
 
 
 @contextmanager

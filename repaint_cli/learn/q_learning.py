@@ -200,7 +200,7 @@ def _take_steps(
         torch.autograd.backward(loss.sum())
         optimizer.step((counts > 0).tolist(), frozen)
         means.add(counts, metrics)
-        progress(step, card.q_learning.gradient_steps, "minibatches")
+        progress(step, card.q_learning.gradient_steps, "batches")
         interruption.check()
     return means.numpy()
 

@@ -119,7 +119,7 @@ def _take_steps(
             _check_finite(loss, metrics)
             _step(student, optimizer, loss, (counts > 0).tolist(), spec)
             n = int(n_steps.max())
-            progress(epoch * n + j + 1, spec.ppo.n_epochs * n, "minibatches")
+            progress(epoch * n + j + 1, spec.ppo.n_epochs * n, "batches")
             interruption.check()
     return spec.of_moved(means.numpy())
 
