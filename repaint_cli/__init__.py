@@ -71,8 +71,8 @@ def train(
         iterations: of training; the card's where absent.
         settings: of the card, as `section.key=value`.
         seeds: the run seeds, (S,), trained side by side.
-        name: of the teacher; the task's where absent.
-        replace: whether it may replace a teacher of this name.
+        name: of the teacher; the task's where absent, which may be replaced in your zoo.
+        replace: whether it may replace a teacher of the name that was given.
         folder: of the run; a new one below runs/ where absent.
         keep: how many checkpoints to keep.
         tensorboard: whether to write TensorBoard events, too.

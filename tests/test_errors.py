@@ -208,13 +208,18 @@ USAGES += [
     ([*TRANSFER, "--method", method, option, value],
      f"expected an option that method '{method}' uses, found {option}; leave it out")
     for method, option, value in (
-        ("scratch", "--beta", 0.1),
+        ("scratch", "--teacher", "old-hand"),
         ("warm-start", "--transfer-iterations", 3),
         ("instance", "--beta-decay", 0.9),
         ("kickstart", "--threshold", 0.3),
         ("kickstart", "--ratio", "2:1"),
         ("repaint-joint", "--ratio", "2:1"),
     )
+]  # fmt: skip
+USAGES += [
+    ([*SCRATCH, "--beta", 0.1], "method 'scratch' uses, found --beta; leave it out"),
+    (["compare", "--task", "reacher", "--methods", "scratch", "--teacher", "old-hand"],
+     "expected methods that use a teacher, found scratch; leave out old-hand"),
 ]  # fmt: skip
 
 
@@ -359,7 +364,7 @@ def test_a_full_disk(repaint, home):
     assert re.fullmatch(
         r"error: cannot write run/checkpoint.safetensors: File too large\n", said.err
     )
-    assert set(files_below(home)) == {"run/metrics.csv", "run/run.json"}
+    assert set(files_below(home / "run")) == {"metrics.csv", "run.json"}
     assert json.loads((home / "run" / "run.json").read_text())["iterations"] == 0
 
 

@@ -388,6 +388,8 @@ WRONG = [
     (TeacherMismatch, "fit", lambda: repaint_cli.transfer("cartpole", ["reacher"])),
     (NotFound, "unknown method", lambda: repaint_cli.transfer("reacher", method="magic")),
     (NotFound, "unknown algorithm", lambda: repaint_cli.transfer("reacher", algorithm="sarsa")),
+    (UsageError, "method 'scratch' learns without a teacher: leave out reacher",
+     lambda: repaint_cli.transfer("reacher", ["reacher"], method="scratch")),
     (UsageError, "'repaint' to be automatic, found 'scratch'",
      lambda: repaint_cli.transfer("reacher", method="scratch", auto=True)),
     (NotFound, "expected a run's folder", lambda: repaint_cli.resume("nowhere")),

@@ -65,6 +65,7 @@ def _train(options: CompareOptions, folders: list[Path]) -> list[Path]:
 
     import repaint_cli
     from repaint_cli.cli.live import live
+    from repaint_cli.cli.namesakes import note_named
     from repaint_cli.runs.compare import check_places, check_reference
 
     paths = options.trajectories
@@ -75,6 +76,7 @@ def _train(options: CompareOptions, folders: list[Path]) -> list[Path]:
     jobs = 1 if options.jobs is None else options.jobs
     names = parse_methods(methods, jobs)
     card = repaint_cli.load_task(options.task or "").with_settings(settings_of(options))
+    note_named(*(options.teacher or ()))
     screen, trained = Console(stderr=True, soft_wrap=True, highlight=False), list[Path]()
     with live(screen):
         for folder in repaint_cli.train_methods(card, names, options.teacher or (), seeds, jobs):

@@ -82,6 +82,7 @@ def evaluate(options: EvaluateOptions) -> None:
     import repaint_cli
     from repaint_cli.cli.episode_table import table
     from repaint_cli.cli.live import live
+    from repaint_cli.cli.namesakes import note_named
     from repaint_cli.cli.screen import out, print_written
     from repaint_cli.errors import RenderError
     from repaint_cli.runs.evaluate import check_filmed
@@ -90,6 +91,7 @@ def evaluate(options: EvaluateOptions) -> None:
         out.print(table(policies.name, policies.seeds, policies.card.env, episodes))
 
     check_filmed(options.video_episodes)
+    note_named(options.policy or "")
     with live(out):
         evaluation = repaint_cli.evaluate(
             options.policy,

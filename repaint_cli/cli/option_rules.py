@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 Options = TypeVar("Options")
 
+TAUGHT = frozenset(name for name, method in METHODS.items() if method.needs_teacher)
 KICKSTART = frozenset(name for name, method in METHODS.items() if method.kickstart)
 INSTANCE = frozenset(name for name, method in METHODS.items() if method.instance)
 ALTERNATING = frozenset(name for name, method in METHODS.items() if method.alternates)

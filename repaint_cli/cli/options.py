@@ -85,7 +85,7 @@ TensorBoard = Annotated[
 ]
 Replace = Annotated[
     bool,
-    option(WHERE, None, "Replace a teacher of this name in your zoo.", "--replace"),
+    option(WHERE, None, "Replace a teacher of the given name in your zoo.", "--replace"),
     Rule(resumable=True),
 ]
 ReplaceFiles = Annotated[

@@ -8,6 +8,7 @@ from rich.console import Console
 
 from repaint_cli.cli.console import literal
 from repaint_cli.cli.live import Pace, duration, live
+from repaint_cli.cli.namesakes import note_planned, note_trained, note_used
 from repaint_cli.errors import OutputError, RepaintError, StoreError, Terminated
 from repaint_cli.files.commands import command
 from repaint_cli.kernels import seconds_of_compiling
@@ -38,6 +39,9 @@ class Screen(Watcher):
         for notice in experiment.notices:
             out.print(f"[yellow]warning:[/yellow] {literal(notice)}")
         plan, self._done = experiment.plan, experiment.learner.iteration
+        note_used(plan.teachers)
+        if plan.teacher_name:
+            note_planned(plan.teacher_name)
         self._unfinished, self._training = plan, True
         self._total = plan.task.ppo.n_iterations
         self._pace.begin()
@@ -80,6 +84,8 @@ class Screen(Watcher):
         plan = trained.plan
         for notice in trained.notices:
             out.print(f"[yellow]warning:[/yellow] {literal(notice)}")
+        if trained.teacher:
+            note_trained(trained.teacher)
         print_written(
             trained.written, plan.resume_command if interrupted else next_command(trained)
         )

@@ -38,7 +38,9 @@ class TrainTeacherOptions(NamedTuple):
     resume: Resume = None
     name: Annotated[
         str | None,
-        option(WHERE, "NAME", "The teacher's name in your zoo. Default: the task's."),
+        option(
+            WHERE, "NAME", "The teacher's name in your zoo. Default: the task's, which is replaced."
+        ),
         Rule(resumable=True),
     ] = None
     replace: Replace = False

@@ -4,7 +4,7 @@ from typing import Annotated, NamedTuple
 
 import typer
 
-from repaint_cli.cli.option_rules import ALTERNATING, INSTANCE, KICKSTART, Condition, Rule
+from repaint_cli.cli.option_rules import ALTERNATING, INSTANCE, KICKSTART, TAUGHT, Condition, Rule
 from repaint_cli.cli.option_values import (
     beta_settings,
     objective_settings,
@@ -54,6 +54,7 @@ class TransferOptions(NamedTuple):
     teacher: Annotated[
         list[str] | None,
         option(WHOM, "TEACHER", "A teacher's name (repaint zoo list) or file; again for several."),
+        Rule(methods=TAUGHT),
     ] = None
     instances_from: Annotated[
         list[str] | None,

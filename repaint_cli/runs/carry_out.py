@@ -11,6 +11,7 @@ from repaint_cli import interruption
 from repaint_cli.activity import doing, progress
 from repaint_cli.envs.output import PrintsInFile, prints_in_file
 from repaint_cli.files.paths import user_zoo
+from repaint_cli.runs.elsewhere import remember
 from repaint_cli.runs.experiment import Experiment
 from repaint_cli.runs.figures import draw_run
 from repaint_cli.runs.metrics import Report
@@ -85,6 +86,7 @@ def carry_out(
     with prints_in_file() as prints, owned as experiment:
         prints.path = experiment.plan.files.environment_log
         tensorboard = tensorboard or _goes_on_with_events(experiment)
+        remember(experiment.plan.folder)
         watcher.begin(experiment)
         with _threads_of_torch(experiment.record.threads):
             ended_by = _train(experiment, watcher, prints, tensorboard)

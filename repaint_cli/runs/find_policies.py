@@ -4,14 +4,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from repaint_cli.errors import CardError, TeacherMismatch
+from repaint_cli.errors import CardError, NotFound, TeacherMismatch
 from repaint_cli.files.provenance import stamp
 from repaint_cli.learn.evaluation import spaces_of
 from repaint_cli.policies import weights
 from repaint_cli.policies.networks import ActorCritic
 from repaint_cli.runs.checkpoint import NETWORKS, load_networks
 from repaint_cli.runs.folder import RUNS, RunFolder
-from repaint_cli.runs.reader import RecordedRun, newest_run, read_run
+from repaint_cli.runs.reader import RecordedRun, newest_named, newest_run, read_run
 from repaint_cli.tasks import trust
 from repaint_cli.tasks.card import TaskCard
 from repaint_cli.zoo import store
@@ -51,11 +51,20 @@ def find_policies(policy: str | Path | None, card: TaskCard | None = None) -> Po
         TeacherMismatch: the policies do not fit the task.
         CardError: the task would run code that a teacher's file brings along.
     """
-    folder = newest_run(RUNS) if policy is None else Path(policy)
-    is_run = RunFolder(folder).is_run()
-    if policy is None or is_run or (folder.is_dir() and str(policy) not in store.teachers()):
+    folder = newest_run() if policy is None else Path(policy)
+    if policy is None or RunFolder(folder).is_run() or _is_no_teacher(folder):
         return _of_run(read_run(folder), card)
-    return _of_teacher(str(policy), card)
+    try:
+        return _of_teacher(str(policy), card)
+    except NotFound as error:
+        raise NotFound(f"{error}{newest_named()}") from error
+
+
+def _is_no_teacher(folder: Path) -> bool:
+    """Return whether a path can only be a run's, though there may be none."""
+    if folder.is_dir():
+        return str(folder) not in store.teachers()
+    return len(folder.parts) > 1 and folder.suffix != store.SUFFIX
 
 
 def _of_run(run: RecordedRun, card: TaskCard | None) -> Policies:

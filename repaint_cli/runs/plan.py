@@ -166,7 +166,8 @@ def _file_of(teacher: TeacherRecord) -> Path:
     """
     name, wanted = teacher.name, teacher.sha256
     known = store.teachers()
-    places = [Path(teacher.file), *([known[name]] if name in known else [])]
+    others = (name, f"{name}{store.SHIPPED}")
+    places = [Path(teacher.file), *(known[other] for other in others if other in known)]
     hashes = {path: sha256(path) for path in places if path.is_file()}
     if not hashes:
         raise NotFound(

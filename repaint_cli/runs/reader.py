@@ -3,6 +3,7 @@
 import os
 from array import array
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
@@ -11,9 +12,13 @@ import numpy as np
 
 from repaint_cli.errors import CheckpointError, NotFound, reported_as
 from repaint_cli.files.limits import read_rows
-from repaint_cli.runs.folder import RunFolder, runs_in
+from repaint_cli.runs.elsewhere import runs_from_here
+from repaint_cli.runs.folder import RUNS, RunFolder, runs_in
 from repaint_cli.runs.record import RunRecord
 from repaint_cli.tasks.card import TaskCard
+
+FEW = 5
+"""Runs that a message names."""
 
 READ_COLUMNS = (
     "eval_return", "eval_progress", "env_steps", "kickstart_coef", "kept_fraction", "seconds",
@@ -90,7 +95,9 @@ def read_run(folder: Path, *, to_resume: bool = False) -> RecordedRun:
     """
     files = RunFolder(folder)
     if not os.path.exists(files.record):  # which takes any name
-        raise NotFound(f"expected a run's folder with run.json, found none at {folder}")
+        raise NotFound(
+            f"expected a run's folder with run.json, found none at {folder}{newest_named()}"
+        )
     record = RunRecord.read_resumable(files) if to_resume else RunRecord.read(files)
     task = TaskCard.parse(record.task, str(files.record))
     try:
@@ -127,19 +134,36 @@ def _columns(path: Path, seeds: Sequence[int]) -> dict[str, np.ndarray]:
     return {name: cells[..., c].copy() for c, name in enumerate(READ_COLUMNS)}
 
 
-def newest_run(root: Path) -> Path:
-    """Return the folder of the run below `root` that wrote last.
+def newest_runs(root: Path = RUNS) -> list[Path]:
+    """Return the folders of runs below `root`, and of those begun from here, the newest first.
+
+    Only of those with a checkpoint and metrics, by when they wrote last.
+    """
+    written = dict[Path, float]()
+    for files in [*runs_in(root, deep=True), *runs_from_here()]:
+        with suppress(OSError):  # it is being removed, or has not written yet
+            if files.checkpoint.is_file() and files.record.is_file():
+                written[files.path] = files.metrics.stat().st_mtime
+    return sorted(written, key=lambda folder: -written[folder])
+
+
+def newest_run(root: Path = RUNS) -> Path:
+    """Return the folder of the run that wrote last, of those below `root` and begun from here.
 
     Raises:
-        NotFound: no run below has a checkpoint and metrics.
+        NotFound: no such run has a checkpoint and metrics.
     """
-    runs = [
-        files
-        for files in runs_in(root, deep=True)
-        if files.checkpoint.is_file() and files.metrics.is_file()
-    ]
+    runs = newest_runs(root)
     if not runs:
         raise NotFound(
             f"expected a run below {root}/, found none; train: repaint train-teacher --task reacher"
         )
-    return max(runs, key=lambda files: files.metrics.stat().st_mtime).path
+    return runs[0]
+
+
+def newest_named() -> str:
+    """Return the newest runs as the end of a message about one that is not there."""
+    runs = [str(folder) for folder in newest_runs()[:FEW]]
+    return f"; the newest {'run is' if len(runs) == 1 else 'runs are'} {', '.join(runs)}" * bool(
+        runs
+    )

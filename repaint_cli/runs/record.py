@@ -63,8 +63,8 @@ class Alarm(BaseModel):
 class TeacherRecord(BaseModel):
     """A teacher of a run."""
 
-    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9._-]+$")]
-    """As in its file."""
+    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9._-]+(@shipped)?$")]
+    """As in its file; NAME@shipped of a shipped one behind the user's own."""
     sha256: str = ""
     """Of its file."""
     instances: bool = True

@@ -28,6 +28,7 @@ def plan_teacher(
 ) -> Plan:
     """Return the plan of a run that trains a teacher; see `repaint_cli.train`."""
     numbers = checked_seeds(seeds)
+    replace = replace or name is None  # only a name that was asked for is refused where it is taken
     name = new_teacher_name(name or card.name, replace)
     place = new_folder(folder, card.name, "scratch")
     return Plan(
@@ -94,7 +95,8 @@ def plan_resume(
         plan = plan.for_iterations(iterations)
     if plan.teacher_name is None:
         return plan
-    name, may_replace = teacher_name or plan.teacher_name, replace_teacher or plan.replace
+    name = teacher_name or plan.teacher_name
+    may_replace = replace_teacher or (plan.replace and name == plan.teacher_name)
     if done < plan.task.ppo.n_iterations:
         new_teacher_name(name, may_replace)
     return replace(plan, teacher_name=name, replace=may_replace)
@@ -143,9 +145,12 @@ def find_teachers(names: Sequence[str], method: str) -> tuple[Path, ...]:
 
     Raises:
         NotFound: there is no such teacher, or no teacher is named for a method that needs one.
-        UsageError: several teachers are named for a method that starts from one.
+        UsageError: several teachers are named for a method that starts from one, or one for a
+            method without.
     """
     if not METHODS[method].needs_teacher:
+        if names:
+            raise UsageError(f"method '{method}' learns without a teacher: leave out {names[0]}")
         return ()
     if not names:
         raise NotFound(f"method '{method}' needs a teacher: --teacher NAME (repaint zoo list)")

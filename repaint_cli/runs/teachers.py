@@ -70,7 +70,10 @@ def load_teachers(
         teachers.append(Teacher(network, act, _weights(card, task), cosine(card.task, task)))
         records.append(
             TeacherRecord(
-                name=card.name, sha256=sha256(path), instances=act, file=str(path.absolute())
+                name=store.name_of(path, card),
+                sha256=sha256(path),
+                instances=act,
+                file=str(path.absolute()),
             )
         )
     return RunTeachers(task, tuple(cards), tuple(teachers), tuple(records))

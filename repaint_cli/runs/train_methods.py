@@ -12,7 +12,7 @@ from repaint_cli.runs.plan import Plan
 from repaint_cli.runs.start import checked_seeds, find_teachers, new_folder
 from repaint_cli.runs.workers import train_side_by_side
 from repaint_cli.tasks.card import TaskCard
-from repaint_cli.tasks.methods import method_for
+from repaint_cli.tasks.methods import METHODS, method_for
 from repaint_cli.threads import cores
 
 
@@ -31,7 +31,8 @@ def train_methods(
     Raises:
         NotFound: there is no such method or teacher.
         TeacherMismatch: a teacher does not fit the task.
-        UsageError: there is no method, seed or job, one stands there twice, or a seed is negative.
+        UsageError: there is no method, seed or job, one stands there twice, a seed is negative, or
+            teachers are named and no method uses one.
     """
     check_methods(methods, jobs)
     return _carried_out(_plans(card, methods, teachers, seeds), jobs)
@@ -54,8 +55,14 @@ def _plans(
 ) -> list[Plan]:
     """Return a plan for each method, all in one new folder, checked."""
     numbers, root, plans = checked_seeds(seeds), new_folder(None, card.name, "compare"), []
+    taught = [name for name in methods if METHODS[method_for("ppo", name)].needs_teacher]
+    if teachers and not taught:
+        raise UsageError(
+            f"expected methods that use a teacher, found {', '.join(methods)}; leave out "
+            f"{', '.join(teachers)}"
+        )
     for name in methods:
-        paths = find_teachers(teachers, method_for("ppo", name))
+        paths = find_teachers(teachers if name in taught else (), name)
         plans.append(Plan(card, name, numbers, root / name, paths))
         plans[-1].check()  # better now than after the first method's hours
     root = make_new(root)

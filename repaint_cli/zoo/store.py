@@ -23,11 +23,15 @@ FEW = 8
 SUFFIX = ".safetensors"
 """Of a teacher's file."""
 
+SHIPPED = "@shipped"
+"""Behind a name: the shipped teacher, also where the user has one of the same name."""
+
 
 def teachers() -> dict[str, Path]:
-    """Return all teachers by name; the user's own replace shipped ones of the same name.
+    """Return all teachers by name, the user's own first.
 
-    Links that lead out of their folder are left out.
+    A shipped one whose name the user has given to another is NAME@shipped. Links that lead out of
+    their folder are left out.
 
     Raises:
         StoreError: a folder cannot be read.
@@ -36,7 +40,8 @@ def teachers() -> dict[str, Path]:
     for folder in (user_zoo(), shipped("zoo")):
         if folder.is_dir():
             for name in sorted(_names(folder)):
-                paths.setdefault(name, folder / f"{name}{SUFFIX}")
+                key = f"{name}{SHIPPED}" if name in paths else name
+                paths[key] = folder / f"{name}{SUFFIX}"
     return paths
 
 
@@ -61,7 +66,7 @@ def _leads_out(path: Path) -> bool:
 
 
 def find(name: str) -> Path:
-    """Return the file of a teacher, by its name or by its path.
+    """Return the file of a teacher, by its name, as NAME@shipped, or by its path.
 
     Raises:
         NotFound: there is no teacher of this name, or its file is a link that leads out of the zoo.
@@ -70,6 +75,8 @@ def find(name: str) -> Path:
         return Path(name)
     known = teachers()
     if name not in known:
+        if name.endswith(SHIPPED) and (path := shipped_file(name.removesuffix(SHIPPED))):
+            return path
         path = user_zoo() / f"{name}{SUFFIX}"
         if NAME.fullmatch(name) and path.is_symlink():
             raise NotFound(
@@ -78,6 +85,25 @@ def find(name: str) -> Path:
             )
         raise NotFound.named("teacher", name, known, "repaint zoo list")
     return known[name]
+
+
+def shipped_file(name: str) -> Path | None:
+    """Return the file of a shipped teacher, None where there is none of this name."""
+    path = shipped("zoo") / f"{name}{SUFFIX}"
+    return path if NAME.fullmatch(name) and path.is_file() else None
+
+
+def shipped_namesake(path: Path) -> str | None:
+    """Return the NAME@shipped that a file of the user's zoo stands before, or None."""
+    own = path.suffix == SUFFIX and path.parent.absolute() == user_zoo().absolute()
+    return f"{path.stem}{SHIPPED}" if own and shipped_file(path.stem) else None
+
+
+def name_of(path: Path, card: TeacherCard) -> str:
+    """Return the name by which a teacher's file is found: NAME@shipped behind one of the user's."""
+    if path == shipped_file(path.stem) and (user_zoo() / path.name).exists():
+        return f"{path.stem}{SHIPPED}"
+    return card.name
 
 
 def remove(name: str) -> Path:
@@ -89,7 +115,7 @@ def remove(name: str) -> Path:
     """
     path = user_zoo() / f"{name}{SUFFIX}"
     if not NAME.fullmatch(name) or not os.path.lexists(path):
-        if name in teachers():
+        if name in teachers() or name.endswith(SHIPPED):
             raise StoreError(f"'{name}' comes with repaint; only your own teachers can be removed")
         raise NotFound.named("teacher", name, teachers(), "repaint zoo list")
     try:

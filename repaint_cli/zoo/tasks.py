@@ -22,7 +22,7 @@ def read_task_or_teacher(name: str) -> TaskCard:
     if name.endswith(".toml") or name in shipped_tasks():
         return read_task(name)
     teachers = store.teachers()
-    if name in teachers or name.endswith(".safetensors"):
+    if name in teachers or name.endswith((store.SUFFIX, store.SHIPPED)):
         card = read_card(store.find(name)).task
         if card.reward_code:
             raise CardError(
