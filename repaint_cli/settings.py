@@ -22,6 +22,9 @@ from pydantic import (
 MOST_SEEDS = 1000
 """Run seeds that train side by side, at most."""
 
+UNKNOWN_KEY = "unknown key '"
+"""How `first_problem` begins where a key is unknown."""
+
 
 class Settings(BaseModel):
     """A frozen record that refuses unknown keys and numbers that are not finite."""
@@ -54,7 +57,7 @@ def first_problem(error: ValidationError) -> str:
     loc = [str(part) for part in problem["loc"] if not any(kind in str(part) for kind in kinds)]
     where = f"{'.'.join(loc):.200}"
     if problem["type"] == "extra_forbidden":
-        return f"unknown key '{where}'"
+        return f"{UNKNOWN_KEY}{where}'"
     found = "" if problem["type"] == "missing" else f", found {problem['input']!r:.100}"
     wanted = problem["msg"].removeprefix("Value error, ").replace("Input should be", "expected")
     return f"{where}: {wanted:.200}{found}"

@@ -81,7 +81,9 @@ def test_two_names_give_a_line(repaint):
     said = repaint("similarity", "racer-inner", "racer-outer")
     assert said.out == "racer-inner → racer-outer  -1.000  different\n"
     said = repaint("similarity", "racer-inner", "reacher")
-    assert said.out == "racer-inner → reacher  not comparable\n"
+    assert (
+        said.out == "racer-inner → reacher  not comparable: other simulators: racer and gymnasium\n"
+    )
 
 
 def test_no_name_gives_a_matrix_of_all_shipped_tasks(repaint):
@@ -95,7 +97,13 @@ def test_no_name_gives_a_matrix_of_all_shipped_tasks(repaint):
 def test_json_is_for_scripts(repaint):
     (pair,) = json.loads(repaint("similarity", "reacher-gentle", "reacher", "--json").out)
     assert pair.pop("cosine") == pytest.approx(0.894, abs=5e-4)
-    assert pair == {"teacher": "reacher-gentle", "target": "reacher", "relation": "similar"}
+    expected = {
+        "teacher": "reacher-gentle",
+        "target": "reacher",
+        "relation": "similar",
+        "reason": None,
+    }
+    assert pair == expected
     names = ("reacher-gentle", "reacher", "racer-inner")
     pairs = json.loads(repaint("similarity", *names, "--json").out)
     assert len(pairs) == 6

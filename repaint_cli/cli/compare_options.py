@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import Annotated, NamedTuple
 
+from repaint_cli.cli import completion
 from repaint_cli.cli.option_rules import Condition, Rule
 from repaint_cli.cli.options import WRITE, AsJson, argument, option
 
@@ -27,14 +28,30 @@ class CompareOptions(NamedTuple):
 
     folders: Annotated[
         list[Path] | None,
-        argument("RUN", "Runs' folders, all of one task unless --trajectories.", COMPARED),
+        argument(
+            "RUN",
+            "Runs' folders, all of one task unless --trajectories.",
+            COMPARED,
+            autocompletion=completion.runs,
+        ),
     ] = None
     task: Annotated[
-        str | None, option(TRAINED, "TASK", "Train --methods on this task, then compare them too.")
+        str | None,
+        option(
+            TRAINED,
+            "TASK",
+            "Train --methods on this task, then compare them too.",
+            autocompletion=completion.tasks,
+        ),
     ] = None
     teacher: Annotated[
         list[str] | None,
-        option(TRAINED, "TEACHER", "A teacher's name or file; again for several."),
+        option(
+            TRAINED,
+            "TEACHER",
+            "A teacher's name or file; again for several.",
+            autocompletion=completion.teachers,
+        ),
         Rule(options=WITH_TASK),
     ] = None
     methods: Annotated[

@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NamedTuple
 
+from repaint_cli.cli import completion
 from repaint_cli.cli.option_rules import parsed_into, settings_of
 from repaint_cli.cli.option_values import seed_list
 from repaint_cli.cli.options import HOW, WRITE, Set, argument, option
@@ -21,12 +22,20 @@ class EvaluateOptions(NamedTuple):
     policy: Annotated[
         str | None,
         argument(
-            "POLICY", "A run's folder, a teacher or its file. Default: the newest run.", PLAYED
+            "POLICY",
+            "A run's folder, a teacher or its file. Default: the newest run.",
+            PLAYED,
+            autocompletion=completion.policies,
         ),
     ] = None
     task: Annotated[
         str | None,
-        option(PLAYED, "TASK", "Play this task instead of the one that it was trained on."),
+        option(
+            PLAYED,
+            "TASK",
+            "Play this task instead of the one that it was trained on.",
+            autocompletion=completion.tasks,
+        ),
     ] = None
     episodes: Annotated[
         int | None,

@@ -4,6 +4,9 @@ import sys
 from typing import Any
 
 from typer.core import TyperCommand
+from typer.exceptions import TyperException
+
+from repaint_cli.cli.hints import for_extra_words, for_unknown_option
 
 OPTIONS = "Options"
 """The heading for options of commands that have too few for headings of their own."""
@@ -32,6 +35,21 @@ class HelpPage(TyperCommand):
         params: list[Any] = self.params
         for param in params:
             param.help = legible(param.help, encoding)
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Read the command line; say what was meant by words that are none of the command's."""
+        ctx.allow_extra_args = True  # which are refused here
+        try:
+            rest: list[str] = super().parse_args(ctx, args)
+        except TyperException as error:
+            if hint := for_unknown_option(getattr(error, "option_name", "")):
+                ctx.fail(hint)
+            raise
+        if rest and not ctx.resilient_parsing:
+            params: list[Any] = self.params
+            takes = [param.metavar for param in params if param.param_type_name == "argument"]
+            ctx.fail(for_extra_words(f"repaint {ctx.info_name}", rest, ctx.params, takes))
+        return rest
 
     def collect_usage_pieces(self, ctx: Any) -> list[str]:
         """Return the words of the usage line; required ones without braces, as in manuals."""

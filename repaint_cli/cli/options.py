@@ -5,6 +5,7 @@ from typing import Annotated, Any
 
 import typer
 
+from repaint_cli.cli import completion
 from repaint_cli.cli.help_page import OPTIONS
 from repaint_cli.cli.option_rules import Rule
 from repaint_cli.cli.option_values import preset_settings
@@ -31,13 +32,19 @@ def option(heading: str, metavar: str | None, sentence: str, *flags: str, **more
     return typer.Option(*flags, metavar=metavar, help=sentence, rich_help_panel=heading, **more)
 
 
-def argument(metavar: str, sentence: str, heading: str = ARGUMENTS) -> Any:
-    """Return typer's part of an argument's row."""
-    return typer.Argument(metavar=metavar, help=sentence, rich_help_panel=heading)
+def argument(metavar: str, sentence: str, heading: str = ARGUMENTS, **more: Any) -> Any:
+    """Return typer's part of an argument's row; `more` are further arguments of typer's."""
+    return typer.Argument(metavar=metavar, help=sentence, rich_help_panel=heading, **more)
 
 
 TaskOption = Annotated[
-    str | None, option(WHAT, "TASK", "A task's name (repaint tasks list), or a card's file.")
+    str | None,
+    option(
+        WHAT,
+        "TASK",
+        "A task's name (repaint tasks list), or a card's file.",
+        autocompletion=completion.tasks,
+    ),
 ]
 Preset = Annotated[
     str | None,
@@ -71,6 +78,7 @@ Resume = Annotated[
         LONG,
         "FOLDER",
         "Continue the run in this folder as it began, perhaps for more --iterations.",
+        autocompletion=completion.runs,
     ),
     Rule(resumable=True),
 ]

@@ -2,6 +2,7 @@
 
 from typing import TYPE_CHECKING, Annotated
 
+from repaint_cli.cli import completion
 from repaint_cli.cli.options import AsJson, argument
 
 if TYPE_CHECKING:
@@ -12,7 +13,11 @@ if TYPE_CHECKING:
 def similarity(
     names: Annotated[
         list[str] | None,
-        argument("TASK", "Tasks, cards' files or teachers. Default: all shipped tasks."),
+        argument(
+            "TASK",
+            "Tasks, cards' files or teachers. Default: all shipped tasks.",
+            autocompletion=completion.tasks_and_teachers,
+        ),
     ] = None,
     as_json: AsJson = False,
 ) -> None:
@@ -28,6 +33,7 @@ def similarity(
     import json
 
     import repaint_cli
+    from repaint_cli.cli.console import plain
     from repaint_cli.cli.namesakes import note_named
     from repaint_cli.tasks.card_files import shipped_tasks
 
@@ -44,7 +50,8 @@ def similarity(
         return _print_matrix(similarities)
     pair = similarities.pairs[0]
     value = "" if pair.cosine is None else f"{pair.cosine:.3f}  "
-    return print(f"{pair.teacher} → {pair.target}  {value}{pair.relation}")
+    reason = f": {plain(pair.reason)}" if pair.reason else ""
+    return print(f"{plain(pair.teacher)} → {plain(pair.target)}  {value}{pair.relation}{reason}")
 
 
 def _print_matrix(similarities: "Similarities") -> None:
@@ -54,15 +61,20 @@ def _print_matrix(similarities: "Similarities") -> None:
 
     from repaint_cli.cli.console import literal
 
-    out = Console()
-    for group in similarities.groups():
+    out, groups = Console(highlight=False), similarities.groups()
+    for group in groups:
         table = Table("teacher \\ target", *(literal(card.name) for card in group), box=None)
         for teacher in group:
             cells = (_cell(similarities.of(teacher, target)) for target in group)
             table.add_row(literal(teacher.name), *cells)
         out.print(table)
         out.print()
-    out.print("above 0: similar; else different; *: the teacher's task is a sub-task of the target")
+    out.print("above 0: similar, else different; *: a sub-task of the target")
+    if len(groups) > 1:
+        out.print("tables apart are not comparable:")
+    for group in groups[1:]:
+        pair = similarities.of(groups[0][0], group[0])
+        out.print(literal(f"  {pair.teacher}, {pair.target}: {pair.reason}"), soft_wrap=True)
 
 
 def _cell(pair: "Similarity") -> str:

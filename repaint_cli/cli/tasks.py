@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from repaint_cli.cli import completion
 from repaint_cli.cli.help_page import HelpPage
 from repaint_cli.cli.options import Yes, argument
 
@@ -14,7 +15,14 @@ if TYPE_CHECKING:
     from repaint_cli.tasks.card import TaskCard
 
 tasks = typer.Typer(no_args_is_help=True, help="List, show, copy, check task cards; trust a run.")
-TaskName = Annotated[str, argument("TASK", "A task's name, or the file of a card of your own.")]
+TaskName = Annotated[
+    str,
+    argument(
+        "TASK",
+        "A task's name, or the file of a card of your own.",
+        autocompletion=completion.tasks,
+    ),
+]
 
 
 @tasks.command("list", cls=HelpPage)

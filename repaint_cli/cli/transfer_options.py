@@ -4,6 +4,7 @@ from typing import Annotated, NamedTuple
 
 import typer
 
+from repaint_cli.cli import completion
 from repaint_cli.cli.option_rules import ALTERNATING, INSTANCE, KICKSTART, TAUGHT, Condition, Rule
 from repaint_cli.cli.option_values import (
     beta_settings,
@@ -53,19 +54,41 @@ class TransferOptions(NamedTuple):
     task: TaskOption = None
     teacher: Annotated[
         list[str] | None,
-        option(WHOM, "TEACHER", "A teacher's name (repaint zoo list) or file; again for several."),
+        option(
+            WHOM,
+            "TEACHER",
+            "A teacher's name (repaint zoo list) or file; again for several.",
+            autocompletion=completion.teachers,
+        ),
         Rule(methods=TAUGHT),
     ] = None
     instances_from: Annotated[
         list[str] | None,
         option(
-            WHOM, "TEACHER", "The teacher to take samples from; again for several. Default: all."
+            WHOM,
+            "TEACHER",
+            "The teacher to take samples from; again for several. Default: all.",
+            autocompletion=completion.teachers,
         ),
         Rule(methods=INSTANCE),
     ] = None
-    method: Annotated[str | None, option(HOW, "METHOD", f"{METHOD_HELP}. Default: repaint.")] = None
+    method: Annotated[
+        str | None,
+        option(
+            HOW,
+            "METHOD",
+            f"{METHOD_HELP}. Default: repaint.",
+            autocompletion=completion.methods,
+        ),
+    ] = None
     algorithm: Annotated[
-        str, option(HOW, "NAME", "ppo; or q-learning, with --method instance (default) or scratch.")
+        str,
+        option(
+            HOW,
+            "NAME",
+            "ppo; or q-learning, with --method instance (default) or scratch.",
+            autocompletion=completion.algorithms,
+        ),
     ] = "ppo"
     preset: Preset = None
     auto: Annotated[

@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from repaint_cli.cli import completion
 from repaint_cli.cli.help_page import OPTIONS, HelpPage
 from repaint_cli.cli.options import ReplaceFiles, Yes, argument, option
 from repaint_cli.cli.zoo_add import add
@@ -14,13 +15,22 @@ from repaint_cli.files.paths import user_zoo
 
 zoo = typer.Typer(no_args_is_help=True, help="List, show, check, add, export, remove teachers.")
 zoo.command("add", cls=HelpPage)(add)
-TeacherName = Annotated[str, argument("TEACHER", "A teacher's name or file.")]
+TeacherName = Annotated[
+    str,
+    argument("TEACHER", "A teacher's name or file.", autocompletion=completion.teachers),
+]
 
 
 @zoo.command("list", cls=HelpPage)
 def list_teachers(
     fits: Annotated[
-        str | None, option(OPTIONS, "TASK", "Only teachers that fit this task.")
+        str | None,
+        option(
+            OPTIONS,
+            "TASK",
+            "Only teachers that fit this task.",
+            autocompletion=completion.tasks,
+        ),
     ] = None,
 ) -> None:
     """List teachers: your own first, then the shipped ones.

@@ -2,14 +2,17 @@
 
 import tomllib
 from collections.abc import Mapping
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 from pydantic import ValidationError, field_validator
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
+from repaint_cli.envs.registry import simulator_class
 from repaint_cli.errors import CardError, NotFound, UsageError
-from repaint_cli.settings import Settings, TransferConfig, first_problem
+from repaint_cli.settings import UNKNOWN_KEY, Settings, TransferConfig, first_problem
 from repaint_cli.tasks.recipe import Recipe
+from repaint_cli.tasks.setting_names import did_you_mean, same_settings
 from repaint_cli.tasks.task import Task
 
 if TYPE_CHECKING:
@@ -72,7 +75,10 @@ class TaskCard(Recipe, Task, Titled):
         try:
             return cls.model_validate(data)
         except ValidationError as error:
-            raise CardError(f"{where}: {first_problem(error)}") from error
+            problem = first_problem(error)
+            if problem.startswith(UNKNOWN_KEY):
+                problem += did_you_mean(problem.removeprefix(UNKNOWN_KEY).strip("'"), _known(data))
+            raise CardError(f"{where}: {problem}") from error
 
     def with_settings(self, settings: list[str]) -> "TaskCard":
         """Return the card with `section.key=value` settings applied; values are TOML or words.
@@ -83,21 +89,26 @@ class TaskCard(Recipe, Task, Titled):
             NotFound: there is no such section or key.
         """
         data = self.model_dump()
+        known = [f"{name}.{key}" for name, part in _sections(data).items() for key in part]
         for setting in settings:
             path, equals, value = setting.partition("=")
             if not equals or path.count(".") != 1:
-                raise UsageError(f"expected --set section.key=value, found '{setting}'")
+                hint = did_you_mean(path, known).replace("?", f"={value}?") if equals else ""
+                raise UsageError(f"expected --set section.key=value, found '{setting:.200}'{hint}")
             section, key = path.split(".")
-            sections = [name for name, part in data.items() if isinstance(part, dict)]
-            where = "repaint tasks show " + self.name
-            if section not in sections:
-                raise NotFound.named("section", section, sections, where)
-            if section != "reward" and key not in data[section]:
-                raise NotFound.named(
-                    "setting", path, [f"{section}.{k}" for k in data[section]], where
-                )
+            if section not in _sections(data) or (section != "reward" and path not in known):
+                raise self._no_setting(path, known)
             data[section][key] = _toml_value(value)
         return TaskCard.parse(data, f"task '{self.name}'") if settings else self
+
+    def _no_setting(self, path: str, known: list[str]) -> NotFound:
+        """Return the error of a setting that there is not, which names those that are near."""
+        section, where = path.partition(".")[0], f"repaint tasks show {self.name}"
+        sections = dict.fromkeys(name.partition(".")[0] for name in known)
+        if section not in sections and not same_settings(path, known):
+            return NotFound.named("section", section, sections, where)
+        hint = did_you_mean(path, known) or ";"
+        return NotFound(f"unknown setting '{path:.200}'{hint} see: {where}")
 
     def start_options(
         self, n_seeds: int, n_envs: int, iteration: int | None
@@ -145,6 +156,24 @@ class TaskCard(Recipe, Task, Titled):
                 f"expected ppo.n_steps / ppo.n_envs of at least {need} (the longest episode + 1) "
                 f"where rollouts begin afresh, found {steps} / {envs}; try --set {advice}"
             )
+
+
+def _sections(data: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
+    return {name: part for name, part in data.items() if isinstance(part, Mapping)}
+
+
+def _known(data: Mapping[str, Any]) -> list[str]:
+    """Return the settings that a card may have: of its recipe, and of its simulator."""
+    kinds = {name: field.default_factory for name, field in Recipe.model_fields.items()}
+    env = data.get("env")
+    with suppress(ValueError):
+        kinds["env"] = simulator_class(env.get("simulator") if isinstance(env, Mapping) else None)
+    return [
+        f"{section}.{key}"
+        for section, kind in kinds.items()
+        if isinstance(kind, type) and issubclass(kind, Settings)
+        for key in kind.model_fields
+    ]
 
 
 def _toml_value(text: str) -> Any:

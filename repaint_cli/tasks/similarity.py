@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from math import hypot
 from typing import TYPE_CHECKING, NamedTuple
 
+from repaint_cli.envs.simulator import Simulator
 from repaint_cli.tasks.card import TaskCard
 from repaint_cli.tasks.task import Task
 
@@ -19,13 +20,42 @@ def cosine(first: Task, second: Task) -> float | None:
 
     sim(r₁, r₂) = w₁·w₂ / (‖w₁‖‖w₂‖)      (paper, equation 4)
     """
-    if not first.env.same_world(second.env) or first.reward_code != second.reward_code:
-        return None
-    if first.terms != second.terms:
+    if obstacle(first, second):
         return None
     terms = sorted(first.reward.keys() & second.reward.keys())
     w1, w2 = (_direction(task, terms) for task in (first, second))
     return sum(a * b for a, b in zip(w1, w2, strict=True))
+
+
+def obstacle(first: Task, second: Task) -> str | None:
+    """Return why two tasks cannot be compared, for people; None where they can."""
+    if first.env.simulator != second.env.simulator:
+        return f"other simulators: {first.env.simulator} and {second.env.simulator}"
+    if not first.env.same_world(second.env):
+        return _other_worlds(first.env, second.env)
+    if first.reward_code != second.reward_code:
+        return "other reward functions"
+    if first.terms != second.terms:
+        return f"other reward terms: {_differing(first.terms, second.terms)}"
+    return None
+
+
+def _differing(first: frozenset[str], second: frozenset[str]) -> str:
+    """Name the terms that only one of two tasks has."""
+    only = {"the first": sorted(first - second), "the second": sorted(second - first)}
+    return "; ".join(
+        f"{', '.join(terms)} only in {which}" for which, terms in only.items() if terms
+    )
+
+
+def _other_worlds(first: Simulator, second: Simulator) -> str:
+    """Say in which settings two environments differ, or in the terms that they can pay."""
+    if first.reward_terms and second.reward_terms:
+        return f"other reward terms: {_differing(first.reward_terms, second.reward_terms)}"
+    own, others = first.model_dump(), second.model_dump()
+    differing = [name for name in own if own[name] != others.get(name)]
+    values = [f"{name} {own[name]} and {others.get(name)}" for name in differing]
+    return f"other environments: {'; '.join(values)}"
 
 
 def _direction(task: Task, terms: Sequence[str]) -> list[float]:
@@ -64,6 +94,8 @@ class Similarity(NamedTuple):
     """Of their weights; None where they are not comparable."""
     relation: str
     """The paper's verdict."""
+    reason: str | None = None
+    """Why they are not comparable."""
 
 
 @dataclass(frozen=True)
@@ -83,7 +115,8 @@ class Similarities:
     def of(self, teacher: TaskCard, target: TaskCard) -> Similarity:
         """Return what a teacher of one of the tasks is to another one of them."""
         value = cosine(teacher, target)
-        return Similarity(teacher.name, target.name, value, relation(teacher, target))
+        reason = obstacle(teacher, target)
+        return Similarity(teacher.name, target.name, value, relation(teacher, target), reason)
 
     def groups(self) -> list[list[TaskCard]]:
         """Return the tasks in groups within which cosines exist."""
