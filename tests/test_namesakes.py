@@ -7,11 +7,11 @@ import pytest
 from small_runs import QUICK, add_teacher, weights_of
 
 from repaint_cli import paths
-from repaint_cli.cli.tasks import to_toml
 from repaint_cli.errors import StoreError
 from repaint_cli.learn.evaluation import spaces_of
 from repaint_cli.runs.reader import read_run
 from repaint_cli.tasks.card_files import read_task
+from repaint_cli.tasks.card_text import to_toml
 from repaint_cli.zoo import store
 
 USED = "note: teacher 'reacher' is your own; the shipped one is reacher@shipped\n"

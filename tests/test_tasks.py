@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from small_tasks import Reach, guess, reach
 
-from repaint_cli.cli.tasks import to_toml
 from repaint_cli.errors import CardError, NotFound
 from repaint_cli.tasks.card import TaskCard
 from repaint_cli.tasks.card_files import read_task, shipped_tasks
+from repaint_cli.tasks.card_text import to_toml
 
 TRACKS = Path(__file__).parents[1] / "tasks" / "racer" / "tracks"
 REAL = Path(__file__).parents[2] / "shared" / "data" / "deepracer" / "tracks"
@@ -134,6 +134,43 @@ def test_a_copied_card_is_the_same_task(repaint, home, name):
     assert copy.model_copy(update={"name": name}) == read_task(name)
 
 
+@pytest.mark.parametrize("name", sorted(shipped_tasks()))
+def test_a_shown_card_is_the_same_card_in_80_columns(repaint, home, name):
+    shown = repaint("tasks", "show", name).out
+    (home / f"{name}.toml").write_text(shown)
+    assert read_task(f"{name}.toml") == read_task(name)
+    lines = shown.splitlines()
+    assert max(len(line) for line in lines if line.startswith("#")) <= 80
+    keys = [line.partition(" ")[0] for line in lines if line and line[0] not in "#["]
+    absent = [line.split()[1] for line in lines if line.endswith(" is absent")]
+    data = read_task(name).model_dump(exclude={"name", "reward_code"})
+    sections = [part for part in data.values() if isinstance(part, dict)]
+    assert sorted(keys + absent) == sorted(["summary", *(key for part in sections for key in part)])
+
+
+def test_a_shown_card_of_ones_own_is_the_same_card(repaint, home, monkeypatch):
+    (home / "reward.py").write_text("def reward_function(params):\n\treturn 1.0  # é\n")
+    card = 'extends = "racer-inner"\nsummary = "odd \\u001b[2J \\u202e, \\\\ and é"\n'
+    (home / "own.toml").write_text(card + '[reward]\nfunction = "reward.py"\n')
+    shown = repaint("tasks", "show", "own.toml").out
+    assert shown.replace("\n", "").isprintable()
+    (home / "copies").mkdir()
+    (home / "copies" / "own.toml").write_text(shown)
+    assert read_task("copies/own.toml") == read_task("own.toml")
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    assert repaint("tasks", "show", "own.toml").out == shown  # a file has no colours
+
+
+def test_a_list_fits_a_terminal(repaint, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    whole = repaint("tasks", "list").out
+    monkeypatch.setattr("sys.stdout.isatty", lambda: True)
+    wrapped = repaint("tasks", "list").out
+    assert max(map(len, wrapped.splitlines())) <= 80
+    assert len(wrapped.splitlines()) > len(whole.splitlines())
+    assert sorted(wrapped.split()) == sorted(whole.split())
+
+
 def test_toml_keeps_odd_names_and_texts(home):
     odd = reach().model_copy(
         update={"summary": 'say "a\\b"\n\té', "reward": {"run/x": 1.0, "two words": -1e-9}}
@@ -203,14 +240,17 @@ def test_tasks_check_says_what_a_sound_card_is(repaint):
 
 
 def test_tasks_list_and_show_name_everything(repaint):
-    listed = repaint("tasks", "list").out.splitlines()
+    head, *listed = repaint("tasks", "list").out.splitlines()
+    assert head.split() == ["task", "simulator", "training", "what", "it", "is"]
     assert [line.split()[0] for line in listed] == list(shipped_tasks())
+    (inner,) = (line for line in listed if line.startswith("racer-inner "))
+    assert inner.split(maxsplit=6)[1:6] == ["racer", "70", "×", "20", "episodes"]
     shown = repaint("tasks", "show", "racer-inner").out
     for word in (
         "[ppo]",
         "gamma = 0.999",
         "lane = 1.0",
-        "track = reinvent-like",
+        'track = "reinvent-like"',
         "γ, the discount",
     ):
         assert word in shown

@@ -190,7 +190,7 @@ def test_zoo_list_can_name_only_those_that_fit(repaint, folder):
 
 def test_zoo_show_prints_the_card_as_json(repaint, folder):
     add_teacher(folder, "mine")
-    shown = json.loads(repaint("zoo", "show", "mine").out)
+    shown = json.loads(repaint("zoo", "show", "mine", "--json").out)
     assert shown["name"] == "mine"
     assert shown["task"]["reward"] == {"reward_dist": 1, "reward_ctrl": 1}
 

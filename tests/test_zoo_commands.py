@@ -143,3 +143,18 @@ def test_the_page_of_a_teacher_says_what_its_card_says(repaint, folder):
         "| reward_ctrl | 1.0 |", "**Score**: not measured.", "| hidden | [64, 64] |",
     ):  # fmt: skip
         assert text in page
+
+
+def test_a_card_in_ten_lines_of_80_columns(repaint, home):
+    add_teacher(home / "home" / "zoo", "a" * 64, settings=["ppo.gamma=0.9"])
+    said = repaint("zoo", "show", "a" * 64)
+    lines = said.out.splitlines()
+    assert (said.code, len(lines)) == (0, 10)
+    assert max(map(len, lines[:-1])) <= 80
+    assert lines[0] == f"teacher    {'a' * 64}, yo…"
+    assert lines[-1] == f"next: repaint zoo show {'a' * 64} --json"
+    lines = repaint("zoo", "show", "racer-avoid").out.splitlines()
+    assert lines[0] == "teacher    racer-avoid, shipped"
+    assert lines[2].startswith("score      1048 [811.2, 1278] over 20 episodes, 7 laps")
+    assert lines[3] == "reward     4 clear - 4 hazard"
+    assert json.loads(repaint("zoo", "show", "racer-avoid", "--json").out)["seed"] == 7

@@ -1,11 +1,17 @@
 """Texts on their way to a terminal, and a question."""
 
+import shutil
+import sys
+import textwrap
 from collections.abc import Sequence
 
 import typer
 from rich.markup import escape
 
 from repaint_cli.errors import RepaintError
+
+LEAST = 20
+"""Characters that the last column of a table is wrapped to at least."""
 
 
 def plain(text: object) -> str:
@@ -25,11 +31,26 @@ def literal(text: object) -> str:
     return escape(plain(text))
 
 
-def columns(title: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
-    """Return a table of texts, aligned; rich would take seconds for thousands of rows."""
+def columns(title: Sequence[str], rows: Sequence[Sequence[object]], *, fit: bool = False) -> str:
+    """Return a table of texts, aligned; rich would take seconds for thousands of rows.
+
+    Args:
+        title: the columns' heads.
+        rows: the cells.
+        fit: whether to wrap the last column so that the table fits a terminal; a file's lines
+            stay whole.
+    """
     cells = [list(title), *([plain(cell) for cell in row] for row in rows)]
     widths = [max(len(row[i]) for row in cells) for i in range(len(title))]
-    lines = ("  ".join(map(str.ljust, row, widths)).rstrip() for row in cells)
+    indent = sum(widths[:-1]) + 2 * (len(widths) - 1)
+    room = shutil.get_terminal_size().columns - indent if fit and sys.stdout.isatty() else 0
+    lines = []
+    for *row, last in cells:
+        first, *more = (
+            textwrap.wrap(last, room, break_on_hyphens=False) or [""] if room > LEAST else [last]
+        )
+        lines.append("  ".join(map(str.ljust, [*row, first], widths)).rstrip())
+        lines += [" " * indent + line for line in more]
     return "\n".join(lines)
 
 

@@ -1,9 +1,8 @@
 """`repaint tasks list | show | copy | check | trust`."""
 
 import os
-import re
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -12,6 +11,7 @@ from repaint_cli.cli.help_page import HelpPage
 from repaint_cli.cli.options import Yes, argument
 
 if TYPE_CHECKING:
+    from repaint_cli.settings import PPOConfig
     from repaint_cli.tasks.card import TaskCard
 
 tasks = typer.Typer(no_args_is_help=True, help="List, show, copy, check task cards; trust a run.")
@@ -27,43 +27,44 @@ TaskName = Annotated[
 
 @tasks.command("list", cls=HelpPage)
 def list_tasks() -> None:
-    """List the shipped tasks.
+    """List the shipped tasks, and what their training costs.
+
+    That is so many iterations × so many steps or episodes in each.
 
     Examples:
         repaint tasks list
         repaint tasks list | grep racer
     """
+    from repaint_cli.cli.console import columns
     from repaint_cli.tasks.card_files import read_task, shipped_tasks
 
-    width = max(len(name) for name in shipped_tasks())
-    for name in shipped_tasks():
-        print(f"{name:{width}}  {read_task(name).summary}")
+    cards = map(read_task, shipped_tasks())
+    rows = [(c.name, c.env.simulator, training(c.ppo), c.summary) for c in cards]
+    print(columns(("task", "simulator", "training", "what it is"), rows, fit=True))
+
+
+def training(ppo: "PPOConfig") -> str:
+    """Return how many iterations a training has, and what a seed plays in each."""
+    each = f"{ppo.n_episodes:,} episodes" if ppo.n_episodes else f"{ppo.n_steps:,} steps"
+    return f"{ppo.n_iterations:,} × {each}"
 
 
 @tasks.command(cls=HelpPage)
 def show(name: TaskName) -> None:
-    """Show a task's settings, all of them, with what each means.
+    """Show a task's settings, all of them, with what each means: a card as TOML.
 
     Examples:
         repaint tasks show reacher
         repaint tasks show my-task.toml
     """
-    from rich.console import Console
-
     from repaint_cli.cli.console import literal
+    from repaint_cli.cli.screen import out
     from repaint_cli.tasks.card_files import read_task
+    from repaint_cli.tasks.card_text import explained
 
-    card, out = read_task(name), Console(emoji=False)
-    out.print(f"[bold]{literal(card.name)}[/bold]: {literal(card.summary)}")
-    for section, settings in card.model_dump().items():
-        if not isinstance(settings, dict):
-            continue
-        out.print(f"\n[bold]{literal(f'[{section}]')}[/bold]")
-        meaning = type(getattr(card, section)).sentences() if section != "reward" else {}
-        for key, value in settings.items():
-            out.print(f"{literal(key)} = [cyan]{literal(value)}[/cyan]", highlight=False)
-            if key in meaning:
-                out.print(f"    [dim]{literal(meaning[key])}[/dim]", highlight=False)
+    for line in explained(read_task(name)):
+        style = "dim" if line.startswith("#") else "bold" if line.startswith("[") else ""
+        out.print(literal(line), style=style)
 
 
 @tasks.command(cls=HelpPage)
@@ -81,6 +82,7 @@ def copy(
     from repaint_cli.files.atomic import write_text
     from repaint_cli.files.commands import command
     from repaint_cli.tasks.card_files import read_task
+    from repaint_cli.tasks.card_text import to_toml
 
     card = read_task(name)
     if file.suffix != ".toml":
@@ -141,30 +143,6 @@ def _check_card(card: "TaskCard") -> None:
         f"{card.name} is sound: {checked.spaces}; {n_episodes} episodes of a first policy have "
         f"{checked.n_steps / n_episodes:.4g} steps on average; reward terms of a step: {terms}"
     )
-
-
-def to_toml(card: "TaskCard") -> str:
-    """Write a card as TOML; settings that are absent stay absent."""
-    data = card.model_dump(exclude_none=True, exclude={"name"})
-    top = [f"{key} = {_value(value)}" for key, value in data.items() if not isinstance(value, dict)]
-    for section, settings in data.items():
-        if isinstance(settings, dict):
-            top += ["", f"[{section}]"] + [f"{_key(k)} = {_value(v)}" for k, v in settings.items()]
-    return "\n".join(top) + "\n"
-
-
-def _key(name: str) -> str:
-    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else _value(name)
-
-
-def _value(value: Any) -> str:
-    import json
-
-    if isinstance(value, dict):
-        return "{ " + ", ".join(f"{_key(k)} = {_value(v)}" for k, v in value.items()) + " }"
-    if isinstance(value, tuple | list):
-        return "[" + ", ".join(_value(part) for part in value) + "]"
-    return json.dumps(value, ensure_ascii=False)  # JSON's words, numbers and texts are TOML's too
 
 
 @tasks.command(cls=HelpPage)

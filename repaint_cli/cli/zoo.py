@@ -78,17 +78,19 @@ def show(
     markdown: Annotated[
         bool, option(OPTIONS, None, "Write a page to publish beside the file.", "--markdown")
     ] = False,
+    as_json: Annotated[bool, option(OPTIONS, None, "Print all of its card.", "--json")] = False,
 ) -> None:
-    """Show a teacher's card.
+    """Show a teacher's card in ten lines, or all of it.
 
     Examples:
         repaint zoo show racer-inner
-        repaint zoo show racer-inner --markdown
+        repaint zoo show racer-inner --json
     """
     import json
 
     from repaint_cli.cli.console import plain
     from repaint_cli.cli.namesakes import note_used
+    from repaint_cli.cli.teacher_table import lines
     from repaint_cli.zoo import model_card
     from repaint_cli.zoo.store import find
     from repaint_cli.zoo.teacher_card import read_card
@@ -98,8 +100,11 @@ def show(
     card = read_card(path)
     if markdown:
         print(plain(model_card.markdown(card, path)), end="")
-    else:
+    elif as_json:
         print(json.dumps(card.model_dump(mode="json"), indent=2))
+    else:
+        print("\n".join(lines(card, path)))
+        print(plain(f"next: repaint zoo show {shlex.quote(name)} --json"))
 
 
 @zoo.command(cls=HelpPage)
