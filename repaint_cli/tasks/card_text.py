@@ -67,7 +67,8 @@ def _key(name: str) -> str:
 def _value(value: Any) -> str:
     """Write a value: JSON's words, numbers and texts are TOML's too."""
     if isinstance(value, dict):
-        return "{ " + ", ".join(_line(k, v) for k, v in value.items() if v is not None) + " }"
+        pairs = [_line(k, v) for k, v in value.items() if v is not None]
+        return f"{{ {', '.join(pairs)} }}" if pairs else "{}"
     if isinstance(value, tuple | list):
         return "[" + ", ".join(_value(part) for part in value) + "]"
     return "".join(map(_escaped, json.dumps(value, ensure_ascii=False)))
