@@ -3,6 +3,7 @@
 import csv
 import io
 import json
+import re
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -13,6 +14,7 @@ from small_runs import QUICK, add_teacher
 
 from repaint_cli.cli import comparison_table
 from repaint_cli.errors import NotFound
+from repaint_cli.runs import comparison_words
 from repaint_cli.runs.comparison import COLUMNS, as_row, comparison_of, reference_of
 
 SCRATCH = ["transfer", "--task", "reacher", "--method", "scratch", *QUICK]
@@ -24,6 +26,7 @@ def run(method, *returns, steps=100.0, seconds=2.0):
     k = np.arange(1, curves.shape[1] + 1) * np.ones((len(curves), 1))
     rows = {"eval_return": curves, "env_steps": steps * k, "seconds": seconds * k}
     return SimpleNamespace(
+        until=lambda n: run(method, *curves[:, :n], steps=steps, seconds=seconds),
         method=method, label=method, returns=curves, rows=rows,
         task=SimpleNamespace(name="reacher"), folder=Path("runs") / method,
     )  # fmt: skip
@@ -66,11 +69,40 @@ def test_scores_by_hand():
     assert repaint.chance == pytest.approx(2 / 20)
 
 
-def test_areas_are_over_the_iterations_that_all_runs_have():
+def test_runs_are_compared_over_the_iterations_that_all_have():
     short = run("repaint", [4, 4], [4, 4])
     found, rows = standings(SLOW, short)
+    scratch = rows["scratch"]
     assert found.iterations == 2
-    assert rows["scratch"].area[0] == 0.5
+    assert scratch.area[0] == 0.5
+    assert (found.target, scratch.best, scratch.final[0], scratch.reached) == (1, 1, 1, 2)
+    assert (scratch.iterations, rows["repaint"].iterations) == (5, 2)
+    assert found.warning() == (
+        "repaint has only 2 of 5 iterations: all runs are compared over the first 2"
+    )
+    assert found.as_json()["warning"] == found.warning()
+    assert standings(SLOW, QUICKER)[0].warning() is None
+
+
+@pytest.mark.parametrize(
+    ("estimate", "said"),
+    [
+        ((0.6, 0.5, 0.7), "60% [50%, 70%]"),
+        ((-11.13, -14.0, -9.0), "×12.1 [×15, ×10]"),
+        ((0.1, -0.5, 0.4), "10% [×1.5, 40%]"),
+        ((0.0, np.nan, np.nan), "0%"),
+        ((np.nan, np.nan, np.nan), "-"),
+    ],
+)
+def test_who_is_later_is_no_percentage(estimate, said):
+    assert comparison_words.reduction(estimate) == said
+
+
+def test_of_many_seeds_the_ends_are_named():
+    assert comparison_words.each_seed([3, np.nan, 12]) == "3, never, 12"
+    assert comparison_words.each_seed([3, np.nan, 12, 5]) == "3-12, 1 never"
+    assert comparison_words.each_seed([3, 4, 12, 5]) == "3-12"
+    assert comparison_words.each_seed([np.nan] * 4) == "4 never"
 
 
 def test_the_reference_is_a_label_or_a_method_and_scratch_may_be_absent():
@@ -91,18 +123,41 @@ def test_a_record_is_strict_json():
     assert (printed[0]["k"], printed[1]["k"], printed[1]["k_each"]) == (5, None, [None, None])
 
 
-def test_tables_fit_80_columns_and_say_not_achieved(monkeypatch):
-    screen = Console(file=io.StringIO(), width=80, highlight=False)
+def printed(found, monkeypatch, **options):
+    """What is printed of a comparison on 80 columns."""
+    screen = Console(file=io.StringIO(), width=80, highlight=False, soft_wrap=True, **options)
     monkeypatch.setattr(comparison_table, "out", screen)
-    found, _ = standings(SLOW, QUICKER, LOST)
     comparison_table.print_comparison(found)
-    text = screen.file.getvalue()
+    return screen.file.getvalue()
+
+
+def test_tables_fit_80_columns_and_say_who_never_arrives(monkeypatch):
+    text = printed(standings(SLOW, QUICKER, LOST)[0], monkeypatch)
     assert max(map(len, text.splitlines())) <= 80
-    for words in ("target 4, the best mean of scratch", "60%", "not", "achieved", "0.1"):
+    for words in ("target 4, the best mean of scratch", "60%", "never", "0.1"):
         assert words in text
     given, _ = standings(SLOW, QUICKER, target=2.5)
     assert given.goal == "2.5"
-    assert "repaint earned 1.62 above scratch per iteration" in text
+    assert "repaint earned 1.62 above scratch per iteration" in " ".join(text.split())
+
+
+@pytest.mark.parametrize("colours", [{}, {"force_terminal": True, "color_system": "standard"}])
+def test_long_labels_are_shown_whole_and_runs_have_numbers(monkeypatch, colours):
+    rng = np.random.default_rng(1)
+    curves = [-1e4 + 5e3 * rng.random((10, 30)).cumsum(1), -1e4 + 4e3 * rng.random((10, 25))]
+    teacher = "a-teacher-with-a-name-of-" + "x" * 39
+    labels = ["scratch", f"repaint from {teacher} (learning_rate 0.0003, gamma 0.99)"]
+    both = [run(label, *curve, steps=2048) for label, curve in zip(labels, curves, strict=True)]
+    found = comparison_of(dict(zip(labels, both, strict=True)), "scratch", None)
+    text = re.sub(r"\x1b\[[0-9;]*m", "", printed(found, monkeypatch, **colours))
+    assert max(map(len, text.splitlines())) <= 80
+    said = " ".join(text.split())
+    assert f"run 2 repaint from {teacher} (learning_rate 0.0003, gamma 0.99)" in said
+    assert "warning: run 2 has only 25 of 30 iterations: all runs are compared" in said
+    assert "run 2 earned" in said
+    assert said.count(teacher) == 1
+    numbers = [line for line in text.splitlines() if line.startswith("run 2  10 ")]
+    assert len(numbers) == 1
 
 
 @pytest.mark.parametrize(
@@ -201,10 +256,12 @@ def test_compare_tells_runs_of_one_name_and_other_lengths_apart(repaint, home):
     repaint(*SCRATCH, "--run", "a/scratch")
     repaint(*SCRATCH, "--run", "b/scratch", "--seed", 3, "--iterations", 4)
     said = repaint("compare", "a/scratch", "b/scratch")
-    assert "b/scratch earned" in said.out
+    longer = "scratch (seed 3, n_iterations 4)"
+    assert f"run 2 {longer}" in " ".join(said.out.split())
     assert "over 2 iterations" in " ".join(said.out.split())
+    assert "warning: run 1 has only 2 of 4 iterations" in said.out
     printed = json.loads(repaint("compare", "a/scratch", "b/scratch", "--json").out)
-    assert [row["run"] for row in printed["runs"]] == ["a/scratch", "b/scratch"]
+    assert [row["run"] for row in printed["runs"]] == ["scratch (seed 0, n_iterations 2)", longer]
     first, second, *_ = column(home / "b" / "scratch", "eval_return")
     assert printed["runs"][1]["area"] == pytest.approx((first + second) / 2, rel=1e-4)
 

@@ -65,7 +65,7 @@ def _train(options: CompareOptions, folders: list[Path]) -> list[Path]:
 
     import repaint_cli
     from repaint_cli.cli.live import live
-    from repaint_cli.cli.namesakes import note_named
+    from repaint_cli.cli.namesakes import print_notes
     from repaint_cli.runs.compare import check_places, check_reference
 
     paths = options.trajectories
@@ -76,7 +76,7 @@ def _train(options: CompareOptions, folders: list[Path]) -> list[Path]:
     jobs = 1 if options.jobs is None else options.jobs
     names = parse_methods(methods, jobs)
     card = repaint_cli.load_task(options.task or "").with_settings(settings_of(options))
-    note_named(*(options.teacher or ()))
+    print_notes(*(options.teacher or ()))
     screen, trained = Console(stderr=True, soft_wrap=True, highlight=False), list[Path]()
     with live(screen):
         for folder in repaint_cli.train_methods(card, names, options.teacher or (), seeds, jobs):
@@ -93,7 +93,8 @@ def _play(options: CompareOptions, folders: list[Path]) -> None:
 
     def show(one: "EvaluatedRun") -> None:
         if not options.json:
-            out.print(table(one.label, one.run.seeds, one.run.task.env, one.episodes))
+            shown = table(one.label, one.run.seeds, one.run.task.env, one.episodes)
+            out.print(shown, soft_wrap=False)
 
     picture = options.output or Path("compare-trajectories.png")
     evaluated = repaint_cli.play_runs(folders, picture, on_run=show, replace=options.replace)

@@ -12,7 +12,7 @@ from repaint_cli.tasks.methods import ALGORITHMS, METHODS
 
 def tasks(incomplete: str) -> list[str]:
     """Return the shipped tasks, and cards in the present folder."""
-    from repaint_cli.paths import shipped
+    from repaint_cli.files.paths import shipped
 
     names = sorted(path.stem for path in shipped("tasks").rglob("*.toml"))
     return _beginning(incomplete, [*names, *map(str, sorted(Path().glob("*.toml")))])

@@ -91,16 +91,17 @@ def evaluate(options: EvaluateOptions) -> None:
     import repaint_cli
     from repaint_cli.cli.episode_table import table
     from repaint_cli.cli.live import live
-    from repaint_cli.cli.namesakes import note_named
+    from repaint_cli.cli.namesakes import print_notes
     from repaint_cli.cli.screen import out, print_written
     from repaint_cli.errors import RenderError
     from repaint_cli.runs.evaluate import check_filmed
 
     def show(policies: "Policies", episodes: "Episodes") -> None:
-        out.print(table(policies.name, policies.seeds, policies.card.env, episodes))
+        shown = table(policies.name, policies.seeds, policies.card.env, episodes)
+        out.print(shown, soft_wrap=False)
 
     check_filmed(options.video_episodes)
-    note_named(options.policy or "")
+    print_notes(options.policy or "")
     with live(out):
         evaluation = repaint_cli.evaluate(
             options.policy,

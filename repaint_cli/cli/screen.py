@@ -1,14 +1,14 @@
 """What people see during a run: a live display on a terminal, a line per iteration elsewhere."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
 from rich.console import Console
 
+from repaint_cli.cli import namesakes
 from repaint_cli.cli.console import literal
 from repaint_cli.cli.live import Pace, duration, live
-from repaint_cli.cli.namesakes import note_planned, note_trained, note_used
 from repaint_cli.errors import OutputError, RepaintError, StoreError, Terminated
 from repaint_cli.files.commands import command
 from repaint_cli.kernels import seconds_of_compiling
@@ -39,9 +39,9 @@ class Screen(Watcher):
         for notice in experiment.notices:
             out.print(f"[yellow]warning:[/yellow] {literal(notice)}")
         plan, self._done = experiment.plan, experiment.learner.iteration
-        note_used(plan.teachers)
+        _print_notes(namesakes.of_used(plan.teachers))
         if plan.teacher_name:
-            note_planned(plan.teacher_name)
+            _print_notes(namesakes.of_planned(plan.teacher_name))
         self._unfinished, self._training = plan, True
         self._total = plan.task.ppo.n_iterations
         self._pace.begin()
@@ -85,7 +85,7 @@ class Screen(Watcher):
         for notice in trained.notices:
             out.print(f"[yellow]warning:[/yellow] {literal(notice)}")
         if trained.teacher:
-            note_trained(trained.teacher)
+            _print_notes(namesakes.of_trained(trained.teacher))
         print_written(
             trained.written, plan.resume_command if interrupted else next_command(trained)
         )
@@ -105,6 +105,11 @@ class Screen(Watcher):
                 hint = "next:" if self._training else "not all is drawn and kept; next:"
                 out.print(f"{hint} [bold]{literal(self._unfinished.resume_command)}[/bold]")
             raise
+
+
+def _print_notes(notes: Iterable[str]) -> None:
+    for note in notes:
+        out.print(f"note: {literal(note)}")
 
 
 def next_command(trained: TrainedRun) -> str:

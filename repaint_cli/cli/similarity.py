@@ -34,14 +34,14 @@ def similarity(
 
     import repaint_cli
     from repaint_cli.cli.console import plain
-    from repaint_cli.cli.namesakes import note_named
+    from repaint_cli.cli.namesakes import print_notes
     from repaint_cli.tasks.card_files import shipped_tasks
 
     def print_fit(name: str, fit: "Fit") -> None:
         if not as_json:
             print(f"{name} weighs {fit}")
 
-    note_named(*(name for name in names or () if name not in shipped_tasks()))
+    print_notes(*(name for name in names or () if name not in shipped_tasks()))
     similarities = repaint_cli.similarity(*(names or ()), on_fit=print_fit)
     pairs = [pair._asdict() for pair in similarities.pairs]
     if as_json:

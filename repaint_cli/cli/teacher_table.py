@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from repaint_cli.cli.console import plain
-from repaint_cli.paths import shipped, user_zoo
+from repaint_cli.files.paths import shipped, user_zoo
 from repaint_cli.tasks.card import TaskCard
 from repaint_cli.zoo.store import name_of
 from repaint_cli.zoo.teacher_card import Score, TeacherCard

@@ -89,14 +89,14 @@ def show(
     import json
 
     from repaint_cli.cli.console import plain
-    from repaint_cli.cli.namesakes import note_used
+    from repaint_cli.cli.namesakes import print_notes
     from repaint_cli.cli.teacher_table import lines
     from repaint_cli.zoo import model_card
     from repaint_cli.zoo.store import find
     from repaint_cli.zoo.teacher_card import read_card
 
     path = find(name)
-    note_used([path])
+    print_notes(name)
     card = read_card(path)
     if markdown:
         print(plain(model_card.markdown(card, path)), end="")
@@ -104,7 +104,7 @@ def show(
         print(json.dumps(card.model_dump(mode="json"), indent=2))
     else:
         print("\n".join(lines(card, path)))
-        print(plain(f"next: repaint zoo show {shlex.quote(name)} --json"))
+        print(plain("next: " + command("repaint zoo show {} --json", name)))
 
 
 @zoo.command(cls=HelpPage)
@@ -126,12 +126,12 @@ def verify(
         repaint zoo verify racer-inner --score
     """
     from repaint_cli.cli.console import plain
-    from repaint_cli.cli.namesakes import note_named
+    from repaint_cli.cli.namesakes import print_notes
     from repaint_cli.zoo.store import find, teachers
     from repaint_cli.zoo.verify import verify
 
     names = [name] if name else list(teachers())
-    note_named(*([name] if name else []))
+    print_notes(*([name] if name else []))
     bad = []
     for each in names:
         path = find(each)
@@ -160,12 +160,12 @@ def export(
         repaint zoo export racer-inner my-folder
         repaint zoo export racer-inner my-folder --onnx
     """
-    from repaint_cli.cli.namesakes import note_named
+    from repaint_cli.cli.namesakes import print_notes
     from repaint_cli.cli.screen import print_written
     from repaint_cli.zoo.export import export
     from repaint_cli.zoo.store import find
 
-    note_named(name)
+    print_notes(name)
     written = export(find(name), folder, onnx=onnx, replace=replace)
     print_written(written, command("repaint zoo verify {}", written[0]))
 

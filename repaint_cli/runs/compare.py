@@ -15,6 +15,7 @@ from repaint_cli.runs.comparison_report import report_files, title_of, write_rep
 from repaint_cli.runs.figures import draw_curves, draw_trajectories
 from repaint_cli.runs.find_policies import last_policies
 from repaint_cli.runs.folder import RunFolder
+from repaint_cli.runs.labels import labels_of
 from repaint_cli.runs.reader import RecordedRun, read_run
 
 PICTURE, PATHS_PICTURE = "compare.png", "compare-trajectories.png"
@@ -130,8 +131,7 @@ def read_runs(folders: Sequence[Path]) -> dict[str, RecordedRun]:
                 f"expected runs of one task, found other [{part}] settings in {run.folder} "
                 f"than in {runs[0].folder}"
             )
-    labels = [run.label for run in runs]
-    return {run.label if labels.count(run.label) == 1 else str(run.folder): run for run in runs}
+    return dict(zip(labels_of(runs), runs, strict=True))
 
 
 def _with_iterations(folders: Sequence[Path]) -> list[RecordedRun]:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from repaint_cli.errors import NotFound
+from repaint_cli.errors import NotFound, some
 from repaint_cli.report.statistics import (
     area_under_curve,
     differ_by_chance,
@@ -45,19 +45,20 @@ class Arrival:
 
 @dataclass(frozen=True)
 class Standing(Arrival):
-    """How one run did, and when it reached the target."""
+    """How one run did over the iterations that all have, and when it reached the target."""
 
     method: str
     seeds: int
     iterations: int
+    """Of the whole run."""
     first: Estimate
     """Mean return of the first evaluation: the jump-start."""
     area: Estimate
-    """Mean return over the iterations that all runs have."""
+    """Mean return."""
     best: float
     """Highest point of the mean curve."""
     final: Estimate
-    """Interquartile mean of the last evaluation."""
+    """Interquartile mean of the last of these evaluations."""
     chance: float
     """p of the area's difference from the reference's, by permutation of seeds."""
 
@@ -72,7 +73,7 @@ class Comparison:
     given: bool
     """Whether the target was given, and not taken from the reference."""
     iterations: int
-    """Iterations that all runs have, over which areas are taken."""
+    """Iterations that all runs have, over which they are compared."""
     standings: tuple[Standing, ...]
 
     def as_json(self) -> dict[str, object]:
@@ -82,8 +83,24 @@ class Comparison:
             "target": self.target,
             "reference": self.reference,
             "iterations": self.iterations,
+            "warning": self.warning(),
             "runs": [as_row(standing) for standing in self.standings],
         }
+
+    def warning(self, names: Mapping[str, str] | None = None) -> str | None:
+        """Say which runs are shorter than others; None where all are as long.
+
+        `names` are what to call runs, by their labels; those where absent.
+        """
+        longest = max(row.iterations for row in self.standings)
+        if longest == self.iterations:
+            return None
+        labels = [row.label for row in self.standings if row.iterations == self.iterations]
+        short = [names[label] for label in labels] if names else labels
+        return (
+            f"{some(short)} {'has' if len(short) == 1 else 'have'} only {self.iterations} of "
+            f"{longest} iterations: all runs are compared over the first {self.iterations}"
+        )
 
     @property
     def goal(self) -> str:
@@ -112,32 +129,36 @@ def reference_of(runs: Mapping[str, RecordedRun], wanted: str) -> str | None:
 def comparison_of(
     runs: Mapping[str, RecordedRun], reference: str | None, target: float | None
 ) -> Comparison:
-    """Compare runs of one task with a reference.
+    """Compare runs of one task with a reference, over the iterations that all of them have.
 
     Args:
         runs: by their labels.
         reference: the label of the run that others are compared with, or None.
         target: the score to reach; the reference's best mean where absent, as in the paper.
     """
-    basis, given = runs[reference] if reference else None, target is not None
+    lengths = {label: run.returns.shape[1] for label, run in runs.items()}
+    common = min(lengths.values())
+    parts = {label: run.until(common) for label, run in runs.items()}
+    basis, given = parts[reference] if reference else None, target is not None
     if target is None and basis is not None:
         target = float(np.nanmax(basis.returns.mean(0)))
-    common = min(run.returns.shape[1] for run in runs.values())
-    standings = [_standing(label, run, basis, target, common) for label, run in runs.items()]
+    standings = [
+        _standing(label, part, basis, target, lengths[label]) for label, part in parts.items()
+    ]
     task = next(iter(runs.values())).task.name
     return Comparison(task, target, reference, given, common, tuple(standings))
 
 
 def _standing(
-    label: str, run: RecordedRun, basis: RecordedRun | None, target: float | None, common: int
+    label: str, run: RecordedRun, basis: RecordedRun | None, target: float | None, length: int
 ) -> Standing:
     returns, chance = run.returns, np.nan
-    areas = area_under_curve(returns[:, :common])
+    areas = area_under_curve(returns)
     if basis is not None and basis is not run:
-        chance = differ_by_chance(areas, area_under_curve(basis.returns[:, :common]))
+        chance = differ_by_chance(areas, area_under_curve(basis.returns))
     return Standing(
         **vars(arrival_of(label, run, basis, np.nan if target is None else target)),
-        method=run.method, seeds=len(returns), iterations=returns.shape[1],
+        method=run.method, seeds=len(returns), iterations=length,
         first=mean_ci(returns[:, 0]), area=mean_ci(areas), best=float(np.nanmax(returns.mean(0))),
         final=iqm_ci(returns[:, -1]), chance=chance,
     )  # fmt: skip

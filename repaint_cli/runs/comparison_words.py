@@ -1,24 +1,37 @@
 """A comparison's numbers in words, for a terminal and for a page."""
 
+from collections.abc import Mapping, Sequence
+
 import numpy as np
 
 from repaint_cli.runs.comparison import Comparison, Estimate, Standing
 
+FEW = 3
+"""Seeds whose numbers are written one by one."""
 
-def verdicts(comparison: Comparison) -> list[str]:
-    """Say in a sentence per run whether its area is ahead of the reference's, or not."""
+
+def verdicts(comparison: Comparison, names: Mapping[str, str] | None = None) -> list[str]:
+    """Say in a sentence per run whether its area is ahead of the reference's, or not.
+
+    Args:
+        comparison: of runs.
+        names: what to call runs, by their labels; those where absent.
+    """
     basis = next((row for row in comparison.standings if row.label == comparison.reference), None)
-    return [_verdict(row, basis) for row in comparison.standings if basis and row is not basis]
+    called = names or {row.label: row.label for row in comparison.standings}
+    others = [row for row in comparison.standings if basis and row is not basis]
+    return [_verdict(row, basis, called) for row in others if basis]
 
 
-def _verdict(row: Standing, basis: Standing) -> str:
+def _verdict(row: Standing, basis: Standing, called: Mapping[str, str]) -> str:
     ahead = row.area[0] - basis.area[0]
+    name, other = called[row.label], called[basis.label]
     if ahead == 0:
-        return f"{row.label} earned exactly what {basis.label} did"
+        return f"{name} earned exactly what {other} did"
     word = "above" if ahead > 0 else "below"
     sure = "" if np.isnan(row.chance) else f", p = {row.chance:.2g}"
     return (
-        f"{row.label} earned {abs(ahead):.3g} {word} {basis.label} per iteration "
+        f"{name} earned {abs(ahead):.3g} {word} {other} per iteration "
         f"(mean return {row.area[0]:.4g} against {basis.area[0]:.4g}{sure})"
     )
 
@@ -34,12 +47,29 @@ def interval(estimate: Estimate) -> str:
     return short(mean) + ("" if np.isnan(low) else f" [{low:.3g}, {high:.3g}]")
 
 
-def percent(estimate: Estimate) -> str:
-    """Write a share with its interval, if it has one."""
+def reduction(estimate: Estimate) -> str:
+    """Write a reduction, 1 − K / K of the reference, with its interval, if it has one.
+
+    A later K is no percentage: ×3 is three times as late.
+    """
     mean, low, high = estimate
     if np.isnan(mean):
         return "-"
-    return f"{mean:.0%}" + ("" if np.isnan(low) else f" [{low:.0%}, {high:.0%}]")
+    return _reduced(mean) + ("" if np.isnan(low) else f" [{_reduced(low)}, {_reduced(high)}]")
+
+
+def _reduced(number: float) -> str:
+    return f"{number:.0%}" if number > -0.005 else f"×{1 - number:.3g}"
+
+
+def each_seed(reached: Sequence[float]) -> str:
+    """Write each seed's K; of many the least and the largest, and how many never get there."""
+    known = sorted(k for k in reached if not np.isnan(k))
+    if len(reached) <= FEW:
+        return ", ".join("never" if np.isnan(k) else f"{k:.0f}" for k in reached)
+    never = len(reached) - len(known)
+    parts = [f"{known[0]:.0f}-{known[-1]:.0f}"] if known else []
+    return ", ".join([*parts, f"{never} never"] if never else parts)
 
 
 def whole(number: float) -> str:

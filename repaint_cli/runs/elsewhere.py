@@ -10,7 +10,7 @@ from pathlib import Path
 
 from repaint_cli.errors import DamagedFile, StoreError
 from repaint_cli.files.limits import read_text
-from repaint_cli.paths import user_zoo
+from repaint_cli.files.paths import user_zoo
 from repaint_cli.runs.folder import RUNS, RunFolder
 
 

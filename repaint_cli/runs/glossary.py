@@ -28,7 +28,7 @@ GLOSSARY = (
      "table 1 of the REPAINT paper; “never” if it does not get there. (In settings, K is "
      "also the last iteration with a teacher, transfer.iterations.)"),
     ("reduced", "Reduced", "How much of the reference's K, or of its time, was saved: 1 − K / "
-     "K of the reference. 50 % is twice as fast, below 0 is slower."),
+     "K of the reference. 50 % is twice as fast; ×2 is twice as late."),
     ("p", "p", "How often so large a difference in area from the reference would come up if both "
      "methods were alike: a permutation test over seeds. Small is sure; with three seeds against "
      "three it cannot be below 0.1."),

@@ -8,7 +8,7 @@ from matplotlib.ticker import MaxNLocator
 
 from repaint_cli.runs.alarms import alarms_until
 from repaint_cli.runs.comparison import Arrival, Comparison, arrival_of
-from repaint_cli.runs.comparison_words import duration, interval, percent, short, whole
+from repaint_cli.runs.comparison_words import duration, interval, reduction, short, whole
 from repaint_cli.runs.reader import RecordedRun
 
 LEVELS = 8
@@ -39,6 +39,7 @@ def targets(runs: Mapping[str, RecordedRun], comparison: Comparison) -> dict[str
 
     They are the comparison's own and round returns between the lowest beginning and the best end.
     """
+    runs = {label: run.until(comparison.iterations) for label, run in runs.items()}
     levels = _levels(runs, comparison)
     wanted = levels[-1] if comparison.target is None else comparison.target
     named = {
@@ -94,11 +95,11 @@ def _arrivals(
 
 def _arrival(row: Arrival, beside_reference: bool) -> list[str]:
     never = np.isnan(row.reached)
-    saved = "-" if np.isnan(row.seconds_reduced) else f"{row.seconds_reduced:.0%}"
+    saved = reduction((row.seconds_reduced, np.nan, np.nan))
     return [
         row.label,
         "never" if never else f"{row.reached:.0f}",
-        *([percent(row.reduced), saved] if beside_reference else []),
+        *([reduction(row.reduced), saved] if beside_reference else []),
         whole(row.env_steps),
         duration(row.seconds),
         ", ".join("never" if np.isnan(k) else f"{k:.0f}" for k in row.reached_each),

@@ -4,7 +4,7 @@ import os
 from array import array
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import isfinite
 from pathlib import Path
 
@@ -67,6 +67,10 @@ class RecordedRun:
     def returns(self) -> np.ndarray:
         """Evaluated mean returns, (S, K)."""
         return self.rows["eval_return"]
+
+    def until(self, k: int) -> "RecordedRun":
+        """Return the run as it was after iteration k."""
+        return replace(self, rows={name: cells[:, :k] for name, cells in self.rows.items()})
 
     @property
     def taught_until(self) -> int:
