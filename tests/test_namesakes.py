@@ -6,8 +6,8 @@ import shutil
 import pytest
 from small_runs import QUICK, add_teacher, weights_of
 
-from repaint_cli.files import paths
 from repaint_cli.errors import StoreError
+from repaint_cli.files import paths
 from repaint_cli.learn.evaluation import spaces_of
 from repaint_cli.runs.reader import read_run
 from repaint_cli.tasks.card_files import read_task
