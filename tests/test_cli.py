@@ -162,10 +162,11 @@ def two_runs(repaint, home):
     return home
 
 
-def test_a_method_without_a_teacher_ignores_the_one_named(repaint, home):
+def test_a_method_without_a_teacher_refuses_one(repaint, home):
     said = repaint(*SCRATCH, "--teacher", "nobody", "--run", "run")
-    assert said.code == 0
-    assert json.loads((home / "run" / "run.json").read_text())["teachers"] == []
+    assert (said.code, said.err.count("\n")) == (2, 1)
+    assert "that method 'scratch' uses, found --teacher; leave it out" in said.err
+    assert not (home / "run").exists()
 
 
 @pytest.mark.parametrize("method", ["warm-start", "kickstart", "instance", "repaint-joint"])

@@ -135,7 +135,7 @@ def test_the_names_of_strangers_are_texts(repaint, home):
         assert "<script>alert(3)</script> {{ 7 * 7 }}" in page.words
     page = Page(home / "<script>" / "report.html")
     assert [run["label"] for run in page.data["runs"]] == [f"scratch ({f})" for f in folders]
-    assert page.tables[0][1][0] == folders[0]
+    assert page.tables[0][1][0] == f"scratch ({folders[0]})"
 
 
 @pytest.mark.parametrize("fails", ["page", "disk"])

@@ -1,22 +1,27 @@
 """Evaluated episodes as a table for people."""
 
 import numpy as np
+from rich.console import Group
 from rich.table import Table
+from rich.text import Text
 
-from repaint_cli.cli.console import literal
+from repaint_cli.cli.console import plain
 from repaint_cli.envs.episodes import Column, Episodes
 from repaint_cli.envs.simulator import Simulator
 from repaint_cli.report.statistics import mean_ci
 
 
-def table(name: str, seeds: list[int], env: Simulator, episodes: Episodes) -> Table:
-    """Lay out a row per seed: mean return with its interval, and the columns of the simulator."""
+def table(name: str, seeds: list[int], env: Simulator, episodes: Episodes) -> Group:
+    """Lay out a row per seed: mean return with its interval, and the columns of the simulator.
+
+    The name stands above, as wide as the screen is, not as the table.
+    """
     columns = [env.columns(episodes, s) for s in range(len(seeds))]
     heads = ("seed", "return [95 % CI]", *(column.name for column in columns[0]))
-    rows = Table(*heads, title=literal(name), title_justify="left", box=None, padding=(0, 1, 0, 0))
+    rows = Table(*heads, box=None, pad_edge=False, padding=(0, 2, 0, 0))
     for s, seed in enumerate(seeds):
         rows.add_row(str(seed), mean_interval(episodes.returns[s]), *map(cell, columns[s]))
-    return rows
+    return Group(Text(plain(name), style="italic"), rows)
 
 
 def cell(column: Column) -> str:

@@ -97,9 +97,10 @@ class Comparison:
             return None
         labels = [row.label for row in self.standings if row.iterations == self.iterations]
         short = [names[label] for label in labels] if names else labels
+        verb, parts = "has" if len(short) == 1 else "have", f"{self.iterations} of {longest}"
         return (
-            f"{some(short)} {'has' if len(short) == 1 else 'have'} only {self.iterations} of "
-            f"{longest} iterations: all runs are compared over the first {self.iterations}"
+            f"{some(short, between=' and ')} {verb} only {parts} iterations: all runs are compared "
+            f"over the first {self.iterations}"
         )
 
     @property

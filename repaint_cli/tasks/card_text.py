@@ -3,7 +3,7 @@
 import json
 import re
 import textwrap
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 from repaint_cli.settings import Settings
@@ -48,12 +48,32 @@ def explained(card: "TaskCard") -> Iterator[str]:
 def _setting(key: str, value: Any, sentences: Mapping[str, str]) -> Iterator[str]:
     if key in sentences:
         yield from _comment(sentences[key])
-    yield f"# {_key(key)} is absent" if value is None else _line(key, value)
+    if value is None:
+        yield f"# {_key(key)} is absent"
+    elif len(line := _line(key, value)) <= WIDTH or not isinstance(value, tuple | list):
+        yield line
+    else:
+        yield f"{_key(key)} = ["
+        yield from _lines_of([f"{_value(part)}," for part in value])
+        yield "]"
+
+
+def _lines_of(parts: Iterable[str]) -> Iterator[str]:
+    """Yield parts of a list, as many on a line as there is room for."""
+    line = "   "
+    for part in parts:
+        if line.strip() and len(f"{line} {part}") > WIDTH:
+            yield line
+            line = "   "
+        line += f" {part}"
+    yield line
 
 
 def _comment(text: str) -> list[str]:
     words = " ".join(text.split())
-    return textwrap.wrap(words, WIDTH, initial_indent="# ", subsequent_indent="# ")
+    return textwrap.wrap(
+        words, WIDTH, initial_indent="# ", subsequent_indent="# ", break_on_hyphens=False
+    )
 
 
 def _line(key: str, value: Any) -> str:
