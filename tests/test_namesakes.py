@@ -129,3 +129,15 @@ def test_only_a_given_name_is_refused_where_it_is_taken(repaint, home, own):
     said = repaint("train-teacher", "--resume", "run", "--iterations", 3, "--name", "other")
     assert said.code == StoreError.exit_code
     assert "a teacher 'other' already" in said.err
+
+
+def test_a_zoo_that_cannot_be_read_stops_nobody_who_does_not_need_it(repaint, home, monkeypatch):
+    def no_home():
+        raise StoreError("expected a folder for your teachers")
+
+    words = ["transfer", "--task", "reacher", "--method", "scratch", *QUICK, "--run", "run"]
+    assert repaint(*words).code == 0
+    shutil.rmtree(home / "home", ignore_errors=True)
+    (home / "home" / "zoo").mkdir(parents=True)
+    monkeypatch.setattr(store, "user_zoo", no_home)
+    assert (repaint("eval", "run").code, repaint("eval", "run").err) == (0, "")

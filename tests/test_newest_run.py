@@ -66,6 +66,11 @@ def test_a_damaged_list_is_passed_over_and_none_stops_no_training(home, monkeypa
     monkeypatch.setattr(elsewhere, "user_zoo", lambda: Path("/proc/none/zoo"))
     remember(Path("other"))
     assert runs_from_here() == []
+    (home / "gone").mkdir()
+    monkeypatch.chdir(home / "gone")
+    (home / "gone").rmdir()
+    remember(Path("other"))
+    assert runs_from_here() == []
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from repaint_cli.cli.console import plain
-from repaint_cli.errors import CheckpointError
+from repaint_cli.errors import CheckpointError, StoreError
 from repaint_cli.files.paths import user_zoo
 from repaint_cli.zoo import store
 from repaint_cli.zoo.teacher_card import read_card
@@ -48,6 +48,7 @@ def print_notes(*names: str) -> None:
 
     Other names are passed over.
     """
-    known = store.teachers()
-    for note in of_used(known[name] for name in names if name in known):
-        print(plain(f"note: {note}"), file=sys.stderr)
+    with suppress(StoreError):  # a zoo that cannot be read: who needs it says so
+        known = store.teachers()
+        for note in of_used(known[name] for name in names if name in known):
+            print(plain(f"note: {note}"), file=sys.stderr)

@@ -19,10 +19,10 @@ def remember(folder: Path) -> None:
 
     A list that cannot be written is no reason to stop a training.
     """
-    run, here = folder.absolute(), Path.cwd()
-    if run.is_relative_to(RUNS.absolute()) or run in _noted(here):
-        return
     with suppress(OSError, StoreError):
+        run, here = folder.absolute(), Path.cwd()
+        if run.is_relative_to(RUNS.absolute()) or run in _noted(here):
+            return
         path = _list()
         path.parent.mkdir(parents=True, exist_ok=True)
         with path.open("a", encoding="utf-8") as file:
@@ -31,7 +31,10 @@ def remember(folder: Path) -> None:
 
 def runs_from_here() -> list[RunFolder]:
     """Return the runs elsewhere that were begun in the present folder, by paths from here."""
-    here = Path.cwd()
+    try:
+        here = Path.cwd()
+    except OSError:  # the present folder is gone
+        return []
     return [
         RunFolder(run.relative_to(here) if run.is_relative_to(here) else run)
         for run in dict.fromkeys(_noted(here))

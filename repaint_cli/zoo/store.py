@@ -95,8 +95,12 @@ def shipped_file(name: str) -> Path | None:
 
 def shipped_namesake(path: Path) -> str | None:
     """Return the NAME@shipped that a file of the user's zoo stands before, or None."""
-    own = path.suffix == SUFFIX and path.parent.absolute() == user_zoo().absolute()
-    return f"{path.stem}{SHIPPED}" if own and shipped_file(path.stem) else None
+    if path.suffix != SUFFIX or not shipped_file(path.stem):
+        return None
+    with suppress(StoreError):  # there is no home, and no zoo of the user's
+        if path.parent.absolute() == user_zoo().absolute():
+            return f"{path.stem}{SHIPPED}"
+    return None
 
 
 def name_of(path: Path, card: TeacherCard) -> str:
