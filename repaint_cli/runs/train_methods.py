@@ -53,7 +53,7 @@ def check_methods(methods: Sequence[str], jobs: int) -> None:
 def _plans(
     card: TaskCard, methods: Sequence[str], teachers: Sequence[str], seeds: Sequence[int]
 ) -> list[Plan]:
-    """Return a plan for each method, all in one new folder, checked."""
+    """Return a plan for each method, all in one folder that is not made yet, checked."""
     numbers, root, plans = checked_seeds(seeds), new_folder(None, card.name, "compare"), []
     taught = [name for name in methods if METHODS[method_for("ppo", name)].needs_teacher]
     if teachers and not taught:
@@ -65,16 +65,17 @@ def _plans(
         paths = find_teachers(teachers if name in taught else (), name)
         plans.append(Plan(card, name, numbers, root / name, paths))
         plans[-1].check()  # better now than after the first method's hours
-    root = make_new(root)
-    return [replace(plan, folder=root / plan.method) for plan in plans]
+    return plans
 
 
 def _carried_out(plans: Sequence[Plan], jobs: int) -> Iterator[Path]:
-    """Carry out plans; yield their folders as they finish.
+    """Carry out plans in a new folder; yield their folders as they finish.
 
     Raises:
         RepaintError: what stopped a run.
     """
+    root = make_new(plans[0].folder.parent)
+    plans = [replace(plan, folder=root / plan.method) for plan in plans]
     if jobs > 1:
         yield from train_side_by_side(plans, jobs, threads=max(1, cores() // jobs))
         return
