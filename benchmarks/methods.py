@@ -1,4 +1,4 @@
-"""Compare methods on one task, side by side: the tables in docs/results.md, and those defaults come from.
+"""Compare methods on one task: the tables in docs/results.md, and those defaults come from.
 
     python benchmarks/methods.py choose reacher     # many candidates for the defaults
     python benchmarks/methods.py confirm reacher    # the best of them on fresh seeds, for longer

@@ -4,6 +4,7 @@ import csv
 import io
 import re
 import shlex
+from itertools import pairwise
 from pathlib import Path
 
 import methods
@@ -32,14 +33,15 @@ COMMANDS = dict(commands(typer.main.get_command(app)))
 
 
 def shown(path):
-    """Every `repaint …` line of a manual's code blocks, and every such piece of inline code."""
+    """Every `repaint …` line of a page's code blocks, what is printed as next, and inline code."""
     text = path.read_text(encoding="utf-8")
-    blocks = re.findall(r"^```\w*\n(.*?)^```", text, re.DOTALL | re.MULTILINE)
-    lines = [line for block in blocks for line in block.replace("\\\n", " ").splitlines()]
+    lines = list[str]()
+    for kind, block in re.findall(r"^```(\w*)\n(.*?)^```", text, re.DOTALL | re.MULTILINE):
+        mark = "next: " if kind == "text" else ""  # of a command in what another printed
+        found = [line for line in block.splitlines() if line.startswith(mark)]
+        lines += [line.removeprefix(mark) for line in found]
     inline = re.findall(r"`(repaint [^`]*)`", re.sub(r"^```.*?^```", "", text, flags=re.S | re.M))
-    calls = [line.strip().removeprefix("$ ") for line in lines] + [
-        " ".join(i.split()) for i in inline
-    ]
+    calls = [line.strip() for line in lines] + [" ".join(i.split()) for i in inline]
     return [call for call in calls if call.startswith("repaint ") and not PLACEHOLDER.search(call)]
 
 
@@ -77,9 +79,9 @@ def test_what_is_shown_can_be_typed(call):
 @pytest.mark.parametrize("call", [call for call in SHOWN if " --set " in call])
 def test_settings_that_are_shown_can_be_set(call):
     words = shlex.split(call)
-    given = dict(zip(words, words[1:], strict=False))
+    given = dict(pairwise(words))
     task = read_task(given["--task"] if given.get("--task") in shipped_tasks() else "racer-inner")
-    for word, setting in zip(words, words[1:], strict=False):
+    for word, setting in pairwise(words):
         if word == "--set" and not setting.startswith("section."):
             task.with_settings([setting])
 
