@@ -56,6 +56,14 @@ def test_a_page_begins_with_a_command_what_it_prints_and_how_long_it_takes(name)
     assert re.search(r"\b(seconds?|minutes?|\d+ s)\b", prose(beginning))
 
 
+@pytest.mark.parametrize("symbol", ["β", "ζ"])
+def test_a_page_says_what_a_symbol_means_or_where_that_is_said(symbol):
+    users = {name for name, text in PAGES.items() if symbol in prose(text)}
+    assert {"transfer.md", "paper.md", "results.md"} <= users
+    for name in users:
+        assert f"**{symbol}**" in PAGES[name] or "](transfer.md)" in PAGES[name], name
+
+
 @pytest.mark.parametrize("name", sorted(TEXTS))
 def test_every_link_resolves(name):
     for target in LINK.findall(prose(TEXTS[name])):
