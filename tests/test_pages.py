@@ -23,6 +23,7 @@ TEXTS = PAGES | {
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 LINK = re.compile(r"\[[^\]\[]*\]\(([^)\s]+)\)")
+NOTEBOOK = "transfer.ipynb"
 TO_LOOK_UP = {"index.md", "results.md", "speed.md"}
 """Pages that need not begin with what a command prints."""
 
@@ -64,9 +65,10 @@ def test_a_page_says_what_a_symbol_means_or_where_that_is_said(symbol):
         assert f"**{symbol}**" in PAGES[name] or "](transfer.md)" in PAGES[name], name
 
 
-@pytest.mark.parametrize("name", sorted(TEXTS))
+@pytest.mark.parametrize("name", [*sorted(TEXTS), NOTEBOOK])
 def test_every_link_resolves(name):
-    for target in LINK.findall(prose(TEXTS[name])):
+    notebook = (ROOT / "docs" / NOTEBOOK).read_text(encoding="utf-8")
+    for target in LINK.findall(prose(TEXTS.get(name, notebook))):
         if target.startswith("https://"):
             continue
         file, _, anchor = target.partition("#")
