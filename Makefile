@@ -1,22 +1,36 @@
-# Each target sets up .venv if needed and then does its work.
-PYTHON ?= python3.11
+# Each target sets up .venv if needed and then does its work. PYTHON=python3.12 names another Python.
+PYTHON ?= $(firstword $(foreach name,python3.11 python3.12 python3.13,$(shell command -v $(name))) python3)
 BIN := .venv/bin
 LIGHT := .venv-light/bin
-STAMP := .venv/.installed
+INSTALLED := .venv/.installed
+READY := .venv/.ready-to-develop
 AUDITOR := .venv-audit/bin/pip-audit
+# Torch's builds without CUDA, some 200 MB instead of gigabytes; offline, pip goes on without them.
+TORCH_INDEX := --retries 2 --extra-index-url https://download.pytorch.org/whl/cpu
 
-.PHONY: demo test test-slow test-light check bench audit
+.PHONY: install demo docs test test-slow test-light check bench audit
 
-$(STAMP): pyproject.toml constraints.txt
+install: $(INSTALLED)
+	@echo "repaint is in .venv; in each new terminal: . .venv/bin/activate"
+
+$(INSTALLED): pyproject.toml constraints.txt
 	$(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install --quiet -c constraints.txt torch
-	$(BIN)/python -m pip install --quiet -c constraints.txt -e '.[mujoco,dev]'
-	touch $(STAMP)
+	$(BIN)/python -m pip install --quiet -c constraints.txt $(TORCH_INDEX) torch
+	$(BIN)/python -m pip install --quiet -c constraints.txt -e '.[mujoco]'
+	touch $@
 
-demo: $(STAMP)
+$(READY): $(INSTALLED)
+	$(BIN)/python -m pip install --quiet -c constraints.txt -e '.[mujoco,dev,docs]'
+	touch $@
+
+demo: $(INSTALLED)
 	PATH="$(CURDIR)/$(BIN):$$PATH" sh tools/demo.sh
 
-check: $(STAMP)
+# The pages in docs/ as a site: open build/docs/index.html.
+docs: $(READY)
+	$(BIN)/python -m mkdocs build --clean
+
+check: $(READY)
 	$(BIN)/ruff format --check
 	$(BIN)/ruff check
 	$(BIN)/mypy
@@ -25,7 +39,7 @@ check: $(STAMP)
 test: check
 	$(BIN)/pytest --numprocesses 2 --dist worksteal
 
-test-slow: $(STAMP)
+test-slow: $(READY)
 	$(BIN)/pytest -m slow
 
 # What needs no torch, on another Python: make test-light PYTHON=python3.13
@@ -38,12 +52,12 @@ test-light:
 
 # Side-by-side speed measurements, an hour in all; let nothing else run meanwhile.
 BENCHMARKS := training_mujoco training_racer startup scaling simulators pieces records
-bench: $(STAMP)
+bench: $(READY)
 	$(BIN)/python -m pip install --quiet -c constraints.txt -e '.[bench]'
 	for name in $(BENCHMARKS); do $(BIN)/python benchmarks/$$name.py || exit 1; done
 
 # Is all pinned that is installed, and is a known vulnerability among it? Offline it says so.
-audit: $(STAMP)
+audit: $(READY)
 	test -x $(AUDITOR) || { $(PYTHON) -m venv .venv-audit && \
 		.venv-audit/bin/python -m pip install --quiet -c constraints.txt pip-audit; } || true
 	$(BIN)/python tools/audit.py $(AUDITOR)

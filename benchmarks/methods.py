@@ -1,4 +1,4 @@
-"""Compare methods on one task, side by side: the README's table, and those defaults come from.
+"""Compare methods on one task: the tables in docs/results.md, and those defaults come from.
 
     python benchmarks/methods.py choose reacher     # many candidates for the defaults
     python benchmarks/methods.py confirm reacher    # the best of them on fresh seeds, for longer
@@ -61,7 +61,7 @@ def paper_numbers(task: str) -> tuple[str, ...]:
 
 
 def readme_rows(task: str) -> Iterator[Row]:
-    """Yield the README's rows."""
+    """Yield the rows of docs/results.md."""
     yield Row("scratch", "scratch")
     for teacher in TEACHERS[task]:
         yield Row(f"kickstart from {teacher}", "kickstart", teacher)

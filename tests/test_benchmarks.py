@@ -97,7 +97,7 @@ def test_the_readmes_tables_are_lines_of_that_page():
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
     section = readme.partition("**Speed**")[2].partition("\n## ")[0]
     lines = [line for line in section.splitlines() if line.startswith("|")]
-    assert len(lines) > 10
+    assert len(lines) > 5
     for line in lines:
         assert line in SPEED
 

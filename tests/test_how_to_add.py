@@ -1,4 +1,4 @@
-"""The examples of CONTRIBUTING's "How to add": a selection rule, a method, a figure.
+"""The examples of docs/extending.md: a selection rule, a method, a figure.
 
 Those of a simulator and a course are tests/test_new_simulator.py and tests/test_course.py.
 """

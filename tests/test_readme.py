@@ -1,9 +1,10 @@
-"""The manual is a test: every command is shown and explained, and what is shown can be typed."""
+"""README and pages are a test: every command is shown and explained, and can be typed."""
 
 import csv
 import io
 import re
 import shlex
+from itertools import pairwise
 from pathlib import Path
 
 import methods
@@ -11,9 +12,10 @@ import pytest
 import typer
 
 from repaint_cli.cli.app import app
+from repaint_cli.tasks.card_files import read_task, shipped_tasks
 
 ROOT = Path(__file__).parents[1]
-README = (ROOT / "README.md").read_text(encoding="utf-8")
+RESULTS = (ROOT / "docs" / "results.md").read_text(encoding="utf-8")
 MANUALS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 PLACEHOLDER = re.compile(r"[…\[|]|\bCOMMAND\b")
 
@@ -31,14 +33,15 @@ COMMANDS = dict(commands(typer.main.get_command(app)))
 
 
 def shown(path):
-    """Every `repaint …` line of a manual's code blocks, and every such piece of inline code."""
+    """Every `repaint …` line of a page's code blocks, what is printed as next, and inline code."""
     text = path.read_text(encoding="utf-8")
-    blocks = re.findall(r"^```\w*\n(.*?)^```", text, re.DOTALL | re.MULTILINE)
-    lines = [line for block in blocks for line in block.replace("\\\n", " ").splitlines()]
+    lines = list[str]()
+    for kind, block in re.findall(r"^```(\w*)\n(.*?)^```", text, re.DOTALL | re.MULTILINE):
+        mark = "next: " if kind == "text" else ""  # of a command in what another printed
+        found = [line for line in block.splitlines() if line.startswith(mark)]
+        lines += [line.removeprefix(mark) for line in found]
     inline = re.findall(r"`(repaint [^`]*)`", re.sub(r"^```.*?^```", "", text, flags=re.S | re.M))
-    calls = [line.strip().removeprefix("$ ") for line in lines] + [
-        " ".join(i.split()) for i in inline
-    ]
+    calls = [line.strip() for line in lines] + [" ".join(i.split()) for i in inline]
     return [call for call in calls if call.startswith("repaint ") and not PLACEHOLDER.search(call)]
 
 
@@ -71,6 +74,16 @@ def type_in(call):
 @pytest.mark.parametrize("call", SHOWN)
 def test_what_is_shown_can_be_typed(call):
     type_in(call)
+
+
+@pytest.mark.parametrize("call", [call for call in SHOWN if " --set " in call])
+def test_settings_that_are_shown_can_be_set(call):
+    words = shlex.split(call)
+    given = dict(pairwise(words))
+    task = read_task(given["--task"] if given.get("--task") in shipped_tasks() else "racer-inner")
+    for word, setting in pairwise(words):
+        if word == "--set" and not setting.startswith("section."):
+            task.with_settings([setting])
 
 
 @pytest.mark.parametrize("command", COMMANDS)
@@ -107,21 +120,9 @@ def test_help_is_a_page_that_a_terminal_can_show(monkeypatch, command, encoding)
     assert "<" not in page
 
 
-def test_the_manual_speaks_of_every_exit_code():
-    from repaint_cli import errors
-
-    line = next(
-        part
-        for part in (ROOT / "docs" / "manual.md").read_text().split("\n\n")
-        if "130 Ctrl-C" in part
-    )
-    codes = {kind.exit_code for kind in vars(errors).values() if hasattr(kind, "exit_code")}
-    assert codes == {int(n) for n in re.findall(r"\b(\d) ", line)}
-
-
 @pytest.mark.parametrize("task", sorted(methods.TEACHERS))
 def test_the_tables_are_those_that_were_measured(task):
     with (methods.RESULTS / f"readme-{task}.csv").open(encoding="utf-8", newline="") as file:
         measured = list(csv.DictReader(file))
     for line in methods.markdown(measured):
-        assert line in README
+        assert line in RESULTS

@@ -25,7 +25,7 @@ def require_tensorboard() -> None:
         RepaintError: TensorBoard is absent.
     """
     if not is_installed():
-        raise RepaintError("--tensorboard needs TensorBoard: pip install 'repaint-rl[tensorboard]'")
+        raise RepaintError("--tensorboard needs TensorBoard: pip install tensorboard")
 
 
 class Events:

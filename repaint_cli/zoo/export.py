@@ -60,7 +60,7 @@ def export(path: Path, folder: Path, *, onnx: bool = False, replace: bool = Fals
 
 def _require_onnx() -> None:
     if find_spec("onnx") is None or find_spec("onnxscript") is None:
-        raise RepaintError("--onnx needs ONNX: pip install 'repaint-rl[onnx]'")
+        raise RepaintError("--onnx needs ONNX: pip install onnx onnxscript")
 
 
 class _Policy(torch.nn.Module):
