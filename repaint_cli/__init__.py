@@ -7,7 +7,8 @@
     student.run.returns  # mean return of each evaluation, (S, K): seeds, iterations
 
 The commands as functions, which return records of arrays and files, and print nothing. What goes
-wrong is a `repaint_cli.errors.RepaintError`. Torch comes with the first call that needs it.
+wrong is a `repaint_cli.errors.RepaintError`. Torch comes with the first call that needs it. Importing
+this registers the racer in Gymnasium, as "repaint/Racer-v0".
 """
 
 import repaint_cli.process  # noqa: F401, I001  # guards `python -m repaint_cli`, so it is first
@@ -15,6 +16,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
+from repaint_cli.envs.racer.registration import register_with_gymnasium
 from repaint_cli.errors import UsageError
 
 if TYPE_CHECKING:
@@ -27,6 +29,8 @@ if TYPE_CHECKING:
 
 __version__ = "0.2.0"
 
+register_with_gymnasium()
+
 Name: TypeAlias = str | Path
 AnyTask: TypeAlias = "Name | TaskCard"
 """A task's name, the path of its card, or the card."""
@@ -37,10 +41,9 @@ def load_task(name: AnyTask) -> "TaskCard":
 
     `card.with_settings(["ppo.gamma=0.9"])` has another setting.
     """
-    from repaint_cli.tasks.card import TaskCard
     from repaint_cli.tasks.card_files import read_task
 
-    return name if isinstance(name, TaskCard) else read_task(str(name))
+    return read_task(str(name)) if isinstance(name, Name) else name
 
 
 def load_teacher(name: Name) -> "LoadedTeacher":
@@ -157,9 +160,9 @@ def evaluate(
     """Let a policy play with its most likely actions; write eval.json and a figure of its paths.
 
     `policy` is a run's folder, a teacher's name or its file, the newest run where absent; the task,
-    the episodes' number and seed are its own where absent. `keep_observations` is for the film of a
-    race. Some simulators have noise ("none" or "paper"), log episodes into `log_folder`, or colour
-    paths in several ways. `on_episodes` gets policies and episodes before anything is written.
+    the episodes' number and seed are its own where absent. `keep_observations` is for a race's film.
+    Some simulators have noise ("none" or "paper"), log episodes, or colour paths in several ways.
+    `on_episodes` gets policies and episodes before anything is written.
     """
     from repaint_cli.runs.evaluate import check_simulator, evaluate_policy
     from repaint_cli.runs.find_policies import find_policies, with_settings
@@ -197,8 +200,8 @@ def train_methods(
     """
     from repaint_cli.runs import train_methods as runs
 
-    names, sources = _listed(methods, "methods"), _listed(teachers, "teachers")
-    return runs.train_methods(load_task(task), names, sources, seeds, jobs)
+    named = _listed(methods, "methods"), _listed(teachers, "teachers")
+    return runs.train_methods(load_task(task), *named, seeds, jobs)
 
 
 def compare(
