@@ -7,8 +7,8 @@
     student.run.returns  # mean return of each evaluation, (S, K): seeds, iterations
 
 The commands as functions, which return records of arrays and files, and print nothing. What goes
-wrong is a `repaint_cli.errors.RepaintError`. Torch comes with the first call that needs it. Importing
-this registers the racer in Gymnasium, as "repaint/Racer-v0".
+wrong is a `repaint_cli.errors.RepaintError`. Torch comes with the first call that needs it.
+Gymnasium gets the racer, "repaint/Racer-v0", by the import.
 """
 
 import repaint_cli.process  # noqa: F401, I001  # guards `python -m repaint_cli`, so it is first
@@ -160,7 +160,7 @@ def evaluate(
     """Let a policy play with its most likely actions; write eval.json and a figure of its paths.
 
     `policy` is a run's folder, a teacher's name or its file, the newest run where absent; the task,
-    the episodes' number and seed are its own where absent. `keep_observations` is for a race's film.
+    the episodes' number and seed are its own where absent; `keep_observations` is for race films.
     Some simulators have noise ("none" or "paper"), log episodes, or colour paths in several ways.
     `on_episodes` gets policies and episodes before anything is written.
     """

@@ -16,7 +16,6 @@ import torch
 from gymnasium.spaces import Box
 from small_runs import QUICK, QUICK_LAP, add_teacher, files_below, weights_of
 
-from repaint_cli.cli.tasks import to_toml
 from repaint_cli.errors import CardError, CheckpointError, DivergedError, NotFound
 from repaint_cli.files.atomic import sha256
 from repaint_cli.learn.evaluation import spaces_of
@@ -32,6 +31,7 @@ from repaint_cli.runs.plan import Plan
 from repaint_cli.runs.reader import newest_run, read_run
 from repaint_cli.tasks.card import TaskCard
 from repaint_cli.tasks.card_files import read_task
+from repaint_cli.tasks.card_text import to_toml
 from repaint_cli.zoo.teacher_card import read_card
 
 SCRATCH = ["transfer", "--method", "scratch", "--task", "reacher", "--run", "run", *QUICK]

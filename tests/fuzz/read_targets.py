@@ -13,7 +13,6 @@ from small_tasks import reach
 from test_simtrace import TASK, trace
 
 from repaint_cli.cli.console import literal
-from repaint_cli.cli.tasks import to_toml
 from repaint_cli.envs.racer.deepracer.simtrace_reader import read_training
 from repaint_cli.envs.racer.track.files import load_track
 from repaint_cli.files.paths import PACKAGE
@@ -26,6 +25,7 @@ from repaint_cli.runs.owner import new_run
 from repaint_cli.runs.plan import Plan
 from repaint_cli.runs.reader import read_run
 from repaint_cli.tasks.card_files import read_task
+from repaint_cli.tasks.card_text import to_toml
 from repaint_cli.tasks.similarity import cosine, relation
 from repaint_cli.tasks.task import RewardCode
 from repaint_cli.zoo import store
