@@ -8,15 +8,14 @@
 
 The commands as functions, which return records of arrays and files, and print nothing. What goes
 wrong is a `repaint_cli.errors.RepaintError`. Torch comes with the first call that needs it.
-Gymnasium gets the racer, "repaint/Racer-v0", by the import.
 """
 
-import repaint_cli.process  # noqa: F401, I001  # guards `python -m repaint_cli`, so it is first
+import repaint_cli.process  # noqa: I001  # guards `python -m repaint_cli`, so it is first
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
-from repaint_cli.envs.racer.registration import register_with_gymnasium
+import repaint_cli.envs.racer.registration  # noqa: F401  # Gymnasium knows the racer by this
 from repaint_cli.errors import UsageError
 
 if TYPE_CHECKING:
@@ -28,8 +27,6 @@ if TYPE_CHECKING:
     from repaint_cli.zoo.acting import LoadedTeacher
 
 __version__ = "0.2.0"
-
-register_with_gymnasium()
 
 Name: TypeAlias = str | Path
 AnyTask: TypeAlias = "Name | TaskCard"
@@ -64,7 +61,7 @@ def train(
     replace: bool = False,
     folder: Name | None = None,
     keep: int = 1,
-    tensorboard: bool = False,
+    track: Sequence[str] = (),
     watcher: "Watcher | None" = None,
 ) -> "TrainedRun":
     """Train a teacher from scratch and put its best evaluated policy into the user's zoo.
@@ -78,14 +75,14 @@ def train(
         replace: whether it may replace a teacher of this name.
         folder: of the run; a new one below runs/ where absent.
         keep: how many checkpoints to keep.
-        tensorboard: whether to write TensorBoard events, too.
+        track: what shows its curves, too: "tensorboard", "wandb", "mlflow".
         watcher: follows the training.
     """
     from repaint_cli.runs import owner, start
     from repaint_cli.runs.carry_out import carry_out
 
     plan = start.plan_teacher(_card(task, settings, iterations), seeds, name, replace, folder, keep)
-    return carry_out(owner.new_run(plan), watcher, tensorboard=tensorboard)
+    return carry_out(owner.new_run(plan), watcher, track=_listed(track, "trackers"))
 
 
 def transfer(
@@ -101,7 +98,7 @@ def transfer(
     seeds: Sequence[int] = (0,),
     folder: Name | None = None,
     keep: int = 1,
-    tensorboard: bool = False,
+    track: Sequence[str] = (),
     watcher: "Watcher | None" = None,
 ) -> "TrainedRun":
     """Transfer teachers to a task, with REPAINT or with a method to compare it with.
@@ -120,7 +117,7 @@ def transfer(
     card = _card(task, settings, iterations)
     named, acting = (_listed(names, "teachers") for names in (teachers, instances_from))
     plan = start.plan_transfer(card, named, seeds, method, algorithm, acting, folder, keep)
-    return carry_out(owner.new_run(plan), watcher, tensorboard=tensorboard)
+    return carry_out(owner.new_run(plan), watcher, track=_listed(track, "trackers"))
 
 
 def resume(
@@ -129,7 +126,7 @@ def resume(
     iterations: int | None = None,
     name: str | None = None,
     replace: bool = False,
-    tensorboard: bool = False,
+    track: Sequence[str] = (),
     watcher: "Watcher | None" = None,
     for_teacher: bool | None = None,
 ) -> "TrainedRun":
@@ -141,7 +138,7 @@ def resume(
     from repaint_cli.runs.owner import resumed_run
 
     run = resumed_run(Path(folder), iterations, name, replace, for_teacher=for_teacher)
-    return carry_out(run, watcher, tensorboard=tensorboard)
+    return carry_out(run, watcher, track=_listed(track, "trackers"))
 
 
 def evaluate(

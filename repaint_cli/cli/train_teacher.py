@@ -5,7 +5,7 @@ from typing import Annotated, NamedTuple
 import typer
 
 from repaint_cli.cli.option_rules import Rule, check_resume, parsed_into, settings_of
-from repaint_cli.cli.option_values import seed_list, task_named
+from repaint_cli.cli.option_values import seed_list, task_named, trackers
 from repaint_cli.cli.options import (
     WHERE,
     EvalEpisodes,
@@ -20,6 +20,7 @@ from repaint_cli.cli.options import (
     Set,
     TaskOption,
     TensorBoard,
+    Track,
     option,
 )
 
@@ -44,6 +45,7 @@ class TrainTeacherOptions(NamedTuple):
     replace: Replace = False
     run: RunFolderOption = None
     keep: Keep = 1
+    track: Track = None
     tensorboard: TensorBoard = False
 
 
@@ -68,7 +70,7 @@ def train_teacher(options: TrainTeacherOptions) -> None:
             iterations=options.iterations,
             name=options.name,
             replace=options.replace,
-            tensorboard=options.tensorboard,
+            track=trackers(options.track, options.tensorboard),
             for_teacher=True,
         )
     card = repaint_cli.load_task(task_named(options.task)).with_settings(settings_of(options))
@@ -80,5 +82,5 @@ def train_teacher(options: TrainTeacherOptions) -> None:
         replace=options.replace,
         folder=options.run,
         keep=options.keep,
-        tensorboard=options.tensorboard,
+        track=trackers(options.track, options.tensorboard),
     )

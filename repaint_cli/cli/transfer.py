@@ -10,7 +10,7 @@ from repaint_cli.cli.option_rules import (
     parsed_into,
     settings_of,
 )
-from repaint_cli.cli.option_values import seed_list, task_named
+from repaint_cli.cli.option_values import seed_list, task_named, trackers
 from repaint_cli.cli.transfer_options import TransferOptions
 
 
@@ -51,7 +51,7 @@ def transfer(options: TransferOptions) -> None:
         seeds=seed_list(options.seed, options.seeds),
         folder=options.run,
         keep=options.keep,
-        tensorboard=options.tensorboard,
+        track=trackers(options.track, options.tensorboard),
     )
 
 
@@ -65,6 +65,6 @@ def _resume(options: TransferOptions, folder: Path) -> None:
         repaint_cli.resume,
         folder,
         iterations=options.iterations,
-        tensorboard=options.tensorboard,
+        track=trackers(options.track, options.tensorboard),
         for_teacher=False,
     )

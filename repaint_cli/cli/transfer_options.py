@@ -26,6 +26,7 @@ from repaint_cli.cli.options import (
     Set,
     TaskOption,
     TensorBoard,
+    Track,
     option,
 )
 from repaint_cli.tasks.methods import METHODS
@@ -131,6 +132,7 @@ class TransferOptions(NamedTuple):
     resume: Resume = None
     run: RunFolderOption = None
     keep: Keep = 1
+    track: Track = None
     tensorboard: TensorBoard = False
 
     @property

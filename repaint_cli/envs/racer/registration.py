@@ -14,14 +14,6 @@ MAX_EPISODE_STEPS = 1500
 """Steps of 1/15 s; the time limit of our tasks."""
 
 
-def register_with_gymnasium() -> None:
-    """Register the racer, now or as soon as Gymnasium is imported."""
-    if "gymnasium" in sys.modules:
-        _register()
-    else:
-        sys.meta_path.insert(0, _WhenImported)
-
-
 def _register() -> None:
     import gymnasium
 
@@ -58,3 +50,9 @@ class _WhenImported:
 
             spec.loader.exec_module = execute_and_register  # type: ignore[method-assign]
         return spec
+
+
+if "gymnasium" in sys.modules:
+    _register()
+else:
+    sys.meta_path.insert(0, _WhenImported)
