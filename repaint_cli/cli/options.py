@@ -88,6 +88,10 @@ Track = Annotated[
     option(WHERE, "TOOL", "Also draw its curves in tensorboard, wandb or mlflow; again for more."),
     Rule(resumable=True),
 ]
+DryRun = Annotated[
+    bool,
+    option(HOW, None, "Print what would run, all settings and how long it takes.", "--dry-run"),
+]
 Replace = Annotated[
     bool,
     option(WHERE, None, "Replace a teacher of this name in your zoo.", "--replace"),

@@ -15,6 +15,7 @@ from repaint_cli.cli.options import (
     HOW,
     LONG,
     WHOM,
+    DryRun,
     EvalEpisodes,
     Iterations,
     Keep,
@@ -129,6 +130,7 @@ class TransferOptions(NamedTuple):
     seed: Seed = 0
     eval_episodes: EvalEpisodes = None
     set: Set = None  # after all other settings: it overrides them
+    dry_run: DryRun = False
     resume: Resume = None
     run: RunFolderOption = None
     keep: Keep = 1

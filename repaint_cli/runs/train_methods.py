@@ -33,8 +33,9 @@ def train_methods(
         TeacherMismatch: a teacher does not fit the task.
         UsageError: there is no method, seed or job, one stands there twice, or a seed is negative.
     """
-    check_methods(methods, jobs)
-    return _carried_out(_plans(card, methods, teachers, seeds), jobs)
+    plans = plan_methods(card, methods, teachers, seeds, jobs)
+    root = make_new(plans[0].folder.parent)
+    return _carried_out([replace(plan, folder=root / plan.method) for plan in plans], jobs)
 
 
 def check_methods(methods: Sequence[str], jobs: int) -> None:
@@ -49,17 +50,25 @@ def check_methods(methods: Sequence[str], jobs: int) -> None:
         raise UsageError(f"expected at least 1 job, found {jobs}")
 
 
-def _plans(
-    card: TaskCard, methods: Sequence[str], teachers: Sequence[str], seeds: Sequence[int]
+def plan_methods(
+    card: TaskCard,
+    methods: Sequence[str],
+    teachers: Sequence[str],
+    seeds: Sequence[int],
+    jobs: int,
 ) -> list[Plan]:
-    """Return a plan for each method, all in one new folder, checked."""
+    """Return a checked plan for each method, all in one folder, which is not made yet.
+
+    Raises:
+        As `train_methods`.
+    """
+    check_methods(methods, jobs)
     numbers, root, plans = checked_seeds(seeds), new_folder(None, card.name, "compare"), []
     for name in methods:
         paths = find_teachers(teachers, method_for("ppo", name))
         plans.append(Plan(card, name, numbers, root / name, paths))
         plans[-1].check()  # better now than after the first method's hours
-    root = make_new(root)
-    return [replace(plan, folder=root / plan.method) for plan in plans]
+    return plans
 
 
 def _carried_out(plans: Sequence[Plan], jobs: int) -> Iterator[Path]:
