@@ -10,7 +10,6 @@ import tomllib
 import pytest
 from small_runs import QUICK, add_teacher, files_below
 
-from repaint_cli.cli.dry_run import duration
 from repaint_cli.runs.estimate import Estimate
 from repaint_cli.tasks.card_files import read_task
 
@@ -121,10 +120,3 @@ def test_nothing_is_written_into_a_new_home(tmp_path):
 def test_the_estimate_counts_the_first_iteration_once():
     assert Estimate((5.0, 1.0, 2.0), 11).seconds == pytest.approx(5 + 10 * 1.5)
     assert Estimate((5.0,), 3).seconds == 15
-
-
-@pytest.mark.parametrize(
-    ("seconds", "text"), [(0.2, "1 s"), (89.4, "89 s"), (130, "2 min"), (6000, "1.7 h")]
-)
-def test_durations(seconds, text):
-    assert duration(seconds) == text

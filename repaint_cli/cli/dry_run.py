@@ -85,12 +85,17 @@ def _text(value: Any) -> str:
 
 def _print_estimate(plans: "Sequence[Plan]", jobs: int) -> None:
     """Print how long the plans would take, by their first iterations."""
+    from rich.console import Console
+
+    from repaint_cli.activity import doing
+    from repaint_cli.cli.live import duration, live
     from repaint_cli.runs.estimate import estimate
 
     sys.stderr.write("training first iterations in a temporary folder, to tell how long it takes\n")
     total = 0.0
     for plan in plans:
-        found = estimate(plan)
+        with live(Console(stderr=True)), doing(f"measuring {plan.method}"):
+            found = estimate(plan)
         total += found.seconds
         measured = ", ".join(f"{seconds:.2g}" for seconds in found.measured)
         _print([
@@ -100,13 +105,6 @@ def _print_estimate(plans: "Sequence[Plan]", jobs: int) -> None:
     if len(plans) > 1:
         side = f"; with --jobs {jobs} less, at best 1/{jobs} of it" if jobs > 1 else ""
         _print([f"all, one after the other: about {duration(total)}{side}"])
-
-
-def duration(seconds: float) -> str:
-    """Return a time for people."""
-    if seconds < 90:
-        return f"{max(1, round(seconds))} s"
-    return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
 
 
 @contextmanager

@@ -10,6 +10,7 @@ from time import perf_counter
 
 from repaint_cli.envs.output import prints_in_file
 from repaint_cli.runs.experiment import Experiment
+from repaint_cli.runs.new_folder import claimed
 from repaint_cli.runs.plan import Plan
 
 MOST_ITERATIONS = 3
@@ -61,7 +62,7 @@ def _begun_elsewhere(plan: Plan) -> Iterator[Experiment]:
     with TemporaryDirectory(prefix="repaint-") as folder, prints_in_file() as prints:
         place = replace(plan, folder=Path(folder) / "run", numbered=False)
         experiment = Experiment.prepare(place)
-        with place.files.claimed(experiment.write_first):
+        with claimed(place.folder, experiment.write_first):
             prints.path = place.files.environment_log
             yield experiment
             prints.flush()

@@ -7,8 +7,8 @@ from pathlib import Path
 
 from repaint_cli.files.atomic import check_writable
 from repaint_cli.files.lock import Locked
-from repaint_cli.files.provenance import stamp
 from repaint_cli.files.paths import user_zoo
+from repaint_cli.files.provenance import stamp
 from repaint_cli.runs.experiment import Experiment
 from repaint_cli.runs.find_policies import Policies
 from repaint_cli.runs.folder import RUNS, RunFolder
