@@ -33,9 +33,7 @@ def train_methods(
         TeacherMismatch: a teacher does not fit the task.
         UsageError: there is no method, seed or job, one stands there twice, or a seed is negative.
     """
-    plans = plan_methods(card, methods, teachers, seeds, jobs)
-    root = make_new(plans[0].folder.parent)
-    return _carried_out([replace(plan, folder=root / plan.method) for plan in plans], jobs)
+    return _carried_out(plan_methods(card, methods, teachers, seeds, jobs), jobs)
 
 
 def check_methods(methods: Sequence[str], jobs: int) -> None:
@@ -72,11 +70,13 @@ def plan_methods(
 
 
 def _carried_out(plans: Sequence[Plan], jobs: int) -> Iterator[Path]:
-    """Carry out plans; yield their folders as they finish.
+    """Make the plans' folder, and carry them out; yield their folders as they finish.
 
     Raises:
         RepaintError: what stopped a run.
     """
+    root = make_new(plans[0].folder.parent)
+    plans = [replace(plan, folder=root / plan.method) for plan in plans]
     if jobs > 1:
         yield from train_side_by_side(plans, jobs, threads=max(1, cores() // jobs))
         return
