@@ -10,11 +10,12 @@ The commands as functions, which return records of arrays and files, and print n
 wrong is a `repaint_cli.errors.RepaintError`. Torch comes with the first call that needs it.
 """
 
-import repaint_cli.process  # noqa: F401, I001  # guards `python -m repaint_cli`, so it is first
+import repaint_cli.process  # noqa: I001  # guards `python -m repaint_cli`, so it is first
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
+import repaint_cli.envs.racer.registration  # noqa: F401  # Gymnasium knows the racer by this
 from repaint_cli.errors import UsageError
 
 if TYPE_CHECKING:
@@ -37,10 +38,9 @@ def load_task(name: AnyTask) -> "TaskCard":
 
     `card.with_settings(["ppo.gamma=0.9"])` has another setting.
     """
-    from repaint_cli.tasks.card import TaskCard
     from repaint_cli.tasks.card_files import read_task
 
-    return name if isinstance(name, TaskCard) else read_task(str(name))
+    return read_task(str(name)) if isinstance(name, Name) else name
 
 
 def load_teacher(name: Name) -> "LoadedTeacher":
@@ -61,7 +61,7 @@ def train(
     replace: bool = False,
     folder: Name | None = None,
     keep: int = 1,
-    tensorboard: bool = False,
+    track: Sequence[str] = (),
     watcher: "Watcher | None" = None,
 ) -> "TrainedRun":
     """Train a teacher from scratch and put its best evaluated policy into the user's zoo.
@@ -75,14 +75,14 @@ def train(
         replace: whether it may replace a teacher of the name that was given.
         folder: of the run; a new one below runs/ where absent.
         keep: how many checkpoints to keep.
-        tensorboard: whether to write TensorBoard events, too.
+        track: what shows its curves, too: "tensorboard", "wandb", "mlflow".
         watcher: follows the training.
     """
     from repaint_cli.runs import owner, start
     from repaint_cli.runs.carry_out import carry_out
 
     plan = start.plan_teacher(_card(task, settings, iterations), seeds, name, replace, folder, keep)
-    return carry_out(owner.new_run(plan), watcher, tensorboard=tensorboard)
+    return carry_out(owner.new_run(plan), watcher, track=_listed(track, "trackers"))
 
 
 def transfer(
@@ -98,7 +98,7 @@ def transfer(
     seeds: Sequence[int] = (0,),
     folder: Name | None = None,
     keep: int = 1,
-    tensorboard: bool = False,
+    track: Sequence[str] = (),
     watcher: "Watcher | None" = None,
 ) -> "TrainedRun":
     """Transfer teachers to a task, with REPAINT or with a method to compare it with.
@@ -117,7 +117,7 @@ def transfer(
     card = _card(task, settings, iterations)
     named, acting = (_listed(names, "teachers") for names in (teachers, instances_from))
     plan = start.plan_transfer(card, named, seeds, method, algorithm, acting, folder, keep)
-    return carry_out(owner.new_run(plan), watcher, tensorboard=tensorboard)
+    return carry_out(owner.new_run(plan), watcher, track=_listed(track, "trackers"))
 
 
 def resume(
@@ -126,7 +126,7 @@ def resume(
     iterations: int | None = None,
     name: str | None = None,
     replace: bool = False,
-    tensorboard: bool = False,
+    track: Sequence[str] = (),
     watcher: "Watcher | None" = None,
     for_teacher: bool | None = None,
 ) -> "TrainedRun":
@@ -138,7 +138,7 @@ def resume(
     from repaint_cli.runs.owner import resumed_run
 
     run = resumed_run(Path(folder), iterations, name, replace, for_teacher=for_teacher)
-    return carry_out(run, watcher, tensorboard=tensorboard)
+    return carry_out(run, watcher, track=_listed(track, "trackers"))
 
 
 def evaluate(
@@ -157,9 +157,9 @@ def evaluate(
     """Let a policy play with its most likely actions; write eval.json and a figure of its paths.
 
     `policy` is a run's folder, a teacher's name or its file, the newest run where absent; the task,
-    the episodes' number and seed are its own where absent. `keep_observations` is for the film of a
-    race. Some simulators have noise ("none" or "paper"), log episodes into `log_folder`, or colour
-    paths in several ways. `on_episodes` gets policies and episodes before anything is written.
+    the episodes' number and seed are its own where absent; `keep_observations` is for race films.
+    Some simulators have noise ("none" or "paper"), log episodes, or colour paths in several ways.
+    `on_episodes` gets policies and episodes before anything is written.
     """
     from repaint_cli.runs.evaluate import check_simulator, evaluate_policy
     from repaint_cli.runs.find_policies import find_policies, with_settings
@@ -197,8 +197,8 @@ def train_methods(
     """
     from repaint_cli.runs import train_methods as runs
 
-    names, sources = _listed(methods, "methods"), _listed(teachers, "teachers")
-    return runs.train_methods(load_task(task), names, sources, seeds, jobs)
+    named = _listed(methods, "methods"), _listed(teachers, "teachers")
+    return runs.train_methods(load_task(task), *named, seeds, jobs)
 
 
 def compare(

@@ -170,12 +170,14 @@ def _import_matplotlib(folder: str, execute: "Callable[[], None]") -> None:
     """
     if cache := cache_folder("matplotlib"):
         os.environ["MPLCONFIGDIR"] = cache
-    _standing_in(os.path.join(folder, "mpl-data"), execute)
+    with standing_in(os.path.join(folder, "mpl-data")):
+        execute()
 
 
 def _import_numba(folder: str, execute: "Callable[[], None]") -> None:
     """Import it where no `.numba_config.yaml` is; it looks for one again whenever it compiles."""
-    _standing_in(folder, execute)
+    with standing_in(folder):
+        execute()
     sys.modules["numba.core.config"].__dict__["_config_fname"] = os.devnull
 
 
@@ -207,15 +209,19 @@ _CAREFULLY: "dict[str, Callable[[str, Callable[[], None]], None]]" = {
 }
 
 
-def _standing_in(folder: str, execute: "Callable[[], None]") -> None:
-    """Do something with another current folder."""
-    here = os.open(".", getattr(os, "O_PATH", os.O_RDONLY))  # also one that was deleted
-    try:
-        os.chdir(folder)
-        execute()
-    finally:
-        os.fchdir(here)
-        os.close(here)
+class standing_in:  # noqa: N801 - a context manager, as contextlib's are, which is not frozen
+    """Have another current folder meanwhile."""
+
+    def __init__(self, folder: str) -> None:
+        self._folder = folder
+
+    def __enter__(self) -> None:
+        self._here = os.open(".", getattr(os, "O_PATH", os.O_RDONLY))  # also one that was deleted
+        os.chdir(self._folder)
+
+    def __exit__(self, *_: object) -> None:
+        os.fchdir(self._here)
+        os.close(self._here)
 
 
 def _run_child(search_path: str, module: str, *words: str) -> None:

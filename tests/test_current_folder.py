@@ -21,7 +21,7 @@ ROOT = PACKAGE.parent
 
 OPTIONAL = (
     "cffi charset_normalizer colorama coverage cuda cython dill flint glfw_preview gmpy gmpy2 "
-    "intel jax monkeytype onnx_tf OpenGL_accelerate opt_einsum org pydot pygame pynvml redis "
+    "intel jax monkeytype onnx_tf OpenGL_accelerate opt_einsum org pydot pynvml redis "
     "scikits sksparse tabulate tbb tensorflow tensorrt torchdistx torchvision tqdm triton tvm "
     "uarray usercustomize xarray yaml z3 "
 )

@@ -52,10 +52,10 @@ def test_events_that_a_kill_took_along_are_written_again(repaint, home):
 def test_without_tensorboard_a_run_goes_on_and_says_so(repaint, home, monkeypatch):
     repaint(*SCRATCH, "--tensorboard")
     with monkeypatch.context() as patch:
-        patch.setattr("repaint_cli.runs.carry_out.is_installed", lambda: False)
+        patch.setattr("repaint_cli.runs.trackers.tracking.is_installed", lambda _: False)
         said = repaint(*MORE, 3)
     assert said.code == 0
-    assert "warning: TensorBoard is not installed: its events go on when" in said.out
+    assert "warning: TensorBoard is not installed: its curves go on when" in said.out
     assert list(returns_in(home / "run")) == [1, 2]
     repaint(*MORE, 4)
     assert_complete(home / "run", 4)

@@ -1,16 +1,19 @@
 """`repaint compare`."""
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from repaint_cli.cli.compare_options import DEFAULT_METHODS, CompareOptions
+from repaint_cli.cli.dry_run import dry_run
 from repaint_cli.cli.option_rules import check_together, parsed_into, settings_of
 from repaint_cli.cli.option_values import parse_methods, parse_target, seed_list
 
 if TYPE_CHECKING:
     from repaint_cli.runs.compare import EvaluatedRun
     from repaint_cli.runs.comparison import Comparison
+    from repaint_cli.runs.plan import Plan
 
 
 @parsed_into(CompareOptions)
@@ -25,13 +28,38 @@ def compare(options: CompareOptions) -> None:
     """
     target = parse_target(options.target)
     check_together(options)
+    if options.dry_run:
+        return _dry_run(options)
     folders = list(options.folders or [])
     if options.task:
         folders += _train(options, folders)
     if options.trajectories:
-        _play(options, folders)
-    else:
-        _compare(options, folders, target)
+        return _play(options, folders)
+    return _compare(options, folders, target)
+
+
+def _dry_run(options: CompareOptions) -> None:
+    """Print what would be trained."""
+    import repaint_cli
+
+    methods, seeds, jobs = _asked_for(options)
+    task = repaint_cli.load_task(options.task or "")
+    card = task.with_settings(settings_of(options))
+
+    def plans() -> "Sequence[Plan]":
+        from repaint_cli.runs.train_methods import plan_methods
+
+        return plan_methods(card, methods, options.teacher or (), seeds, jobs)
+
+    dry_run(task, plans, jobs)
+
+
+def _asked_for(options: CompareOptions) -> tuple[list[str], list[int], int]:
+    """Return the methods that are to be trained, their seeds, and how many runs at a time."""
+    methods = DEFAULT_METHODS if options.methods is None else options.methods
+    seeds = seed_list(options.seed or 0, 3 if options.seeds is None else options.seeds)
+    jobs = 1 if options.jobs is None else options.jobs
+    return parse_methods(methods, jobs), seeds, jobs
 
 
 def _compare(options: CompareOptions, folders: list[Path], target: float | None) -> None:
@@ -72,9 +100,7 @@ def _train(options: CompareOptions, folders: list[Path]) -> list[Path]:
     check_places(options.output, options.report, paths=paths, replace=options.replace)
     methods = DEFAULT_METHODS if options.methods is None else options.methods
     check_reference(options.reference, folders, methods.split(","))
-    seeds = seed_list(options.seed or 0, 3 if options.seeds is None else options.seeds)
-    jobs = 1 if options.jobs is None else options.jobs
-    names = parse_methods(methods, jobs)
+    names, seeds, jobs = _asked_for(options)
     card = repaint_cli.load_task(options.task or "").with_settings(settings_of(options))
     print_notes(*(options.teacher or ()))
     screen, trained = Console(stderr=True, soft_wrap=True, highlight=False), list[Path]()

@@ -84,6 +84,11 @@ class CompareOptions(NamedTuple):
         option(TRAINED, "SECTION.KEY=VALUE", "A setting of the card; again for several."),
         Rule(list, options=WITH_TASK),
     ] = None
+    dry_run: Annotated[
+        bool,
+        option(TRAINED, None, "Print what would run, and how long it takes.", "--dry-run"),
+        Rule(options=WITH_TASK),
+    ] = False
     target: Annotated[
         str,
         option(COMPARED, "FLOAT", "The score to reach; auto is the reference's best mean."),

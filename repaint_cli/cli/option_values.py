@@ -31,6 +31,11 @@ def seed_list(first: int, how_many: int) -> list[int]:
     return list(range(first, first + how_many))
 
 
+def trackers(track: list[str] | None, tensorboard: bool) -> list[str]:
+    """Return the trackers that --track and --tensorboard ask for."""
+    return [*(track or ()), *["tensorboard"] * tensorboard]
+
+
 def parse_ratio(text: str) -> tuple[int, int]:
     """Read R:I.
 

@@ -88,8 +88,17 @@ RunFolderOption = Annotated[
 Keep = Annotated[int, option(WHERE, "INT", "Checkpoints to keep, the newest ones.", min=1)]
 TensorBoard = Annotated[
     bool,
-    option(WHERE, None, "Also write TensorBoard events to the run's folder.", "--tensorboard"),
+    option(WHERE, None, "The same as --track tensorboard.", "--tensorboard"),
     Rule(resumable=True),
+]
+Track = Annotated[
+    list[str] | None,
+    option(WHERE, "TOOL", "Also draw its curves in tensorboard, wandb or mlflow; again for more."),
+    Rule(resumable=True),
+]
+DryRun = Annotated[
+    bool,
+    option(HOW, None, "Print what would run, all settings and how long it takes.", "--dry-run"),
 ]
 Replace = Annotated[
     bool,

@@ -1,4 +1,4 @@
-"""`repaint tasks list | show | copy | check | trust`."""
+"""`repaint tasks list | show | copy | new | check | trust`."""
 
 import os
 from pathlib import Path
@@ -7,14 +7,16 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from repaint_cli.cli import completion
-from repaint_cli.cli.help_page import HelpPage
-from repaint_cli.cli.options import Yes, argument
+from repaint_cli.cli.help_page import OPTIONS, HelpPage
+from repaint_cli.cli.options import Yes, argument, option
 
 if TYPE_CHECKING:
     from repaint_cli.settings import PPOConfig
     from repaint_cli.tasks.card import TaskCard
 
-tasks = typer.Typer(no_args_is_help=True, help="List, show, copy, check task cards; trust a run.")
+tasks = typer.Typer(
+    no_args_is_help=True, help="List, show, copy, write, check task cards; trust a run."
+)
 TaskName = Annotated[
     str,
     argument(
@@ -77,21 +79,55 @@ def copy(
         repaint tasks copy reacher my-task.toml
         repaint tasks copy racer-outer my-race.toml
     """
-    from repaint_cli.cli.console import plain
-    from repaint_cli.errors import StoreError
-    from repaint_cli.files.atomic import write_text
-    from repaint_cli.files.commands import command
     from repaint_cli.tasks.card_files import read_task
     from repaint_cli.tasks.card_text import to_toml
 
     card = read_task(name)
+    _check_new(file)
+    _write_card(file, to_toml(card), "repaint train-teacher --task {}")
+
+
+@tasks.command(cls=HelpPage)
+def new(
+    file: Annotated[Path, argument("FILE", "The new card, such as my-task.toml.")],
+    env: Annotated[str, option(OPTIONS, "ID", "The environment's id, as in gymnasium.make.")],
+) -> None:
+    """Write a card for an environment of Gymnasium.
+
+    It is played with random actions to find the terms of its reward.
+
+    Examples:
+        repaint tasks new --env HalfCheetah-v5 my-task.toml
+        repaint tasks new --env my_package:Walker-v0 walker.toml
+    """
+    from repaint_cli.cli.new_card import new_card
+
+    _check_new(file)
+    _write_card(file, new_card(env), "repaint tasks check {}")
+
+
+def _check_new(file: Path) -> None:
+    """Check that a card may be written there.
+
+    Raises:
+        StoreError: it is no file of TOML, or is there already.
+    """
+    from repaint_cli.errors import StoreError
+
     if file.suffix != ".toml":
         raise StoreError(f"expected a file that ends in .toml, found '{file}'")
     if os.path.lexists(file):
         raise StoreError(f"{file} exists already; give another name")
-    write_text(file, to_toml(card), new=True)
-    following = command("repaint train-teacher --task {}", file)
-    print(plain(f"wrote {file}\nnext: {following}"))
+
+
+def _write_card(file: Path, text: str, form: str) -> None:
+    """Write a new card; print the next command, by its form."""
+    from repaint_cli.cli.console import plain
+    from repaint_cli.files.atomic import write_text
+    from repaint_cli.files.commands import command
+
+    write_text(file, text, new=True)
+    print(plain(f"wrote {file}\nnext: {command(form, file)}"))
 
 
 @tasks.command(cls=HelpPage)

@@ -1,13 +1,15 @@
 """`repaint train-teacher`."""
 
-from typing import Annotated, NamedTuple
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
+from repaint_cli.cli.dry_run import dry_run
 from repaint_cli.cli.option_rules import Rule, check_resume, parsed_into, settings_of
-from repaint_cli.cli.option_values import seed_list, task_named
+from repaint_cli.cli.option_values import seed_list, task_named, trackers
 from repaint_cli.cli.options import (
     WHERE,
+    DryRun,
     EvalEpisodes,
     Iterations,
     Keep,
@@ -20,8 +22,13 @@ from repaint_cli.cli.options import (
     Set,
     TaskOption,
     TensorBoard,
+    Track,
     option,
 )
+
+if TYPE_CHECKING:
+    from repaint_cli.runs.plan import Plan
+    from repaint_cli.tasks.card import TaskCard
 
 
 class TrainTeacherOptions(NamedTuple):
@@ -35,6 +42,7 @@ class TrainTeacherOptions(NamedTuple):
     seed: Seed = 0
     eval_episodes: EvalEpisodes = None
     set: Set = None  # after all other settings: it overrides them
+    dry_run: DryRun = False
     resume: Resume = None
     name: Annotated[
         str | None,
@@ -46,6 +54,7 @@ class TrainTeacherOptions(NamedTuple):
     replace: Replace = False
     run: RunFolderOption = None
     keep: Keep = 1
+    track: Track = None
     tensorboard: TensorBoard = False
 
 
@@ -60,27 +69,41 @@ def train_teacher(options: TrainTeacherOptions) -> None:
         repaint train-teacher --task my-task.toml --name mine --seeds 3
     """
     import repaint_cli
-    from repaint_cli.cli.screen import Screen
 
     if options.resume:
         check_resume(options, options.context)
+        from repaint_cli.cli.screen import Screen
+
         return Screen().run(
             repaint_cli.resume,
             options.resume,
             iterations=options.iterations,
             name=options.name,
             replace=options.replace,
-            tensorboard=options.tensorboard,
+            track=trackers(options.track, options.tensorboard),
             for_teacher=True,
         )
-    card = repaint_cli.load_task(task_named(options.task)).with_settings(settings_of(options))
+    task = repaint_cli.load_task(task_named(options.task))
+    card = task.with_settings(settings_of(options))
+    seeds = seed_list(options.seed, options.seeds)
+    if options.dry_run:
+        return dry_run(task, lambda: [_plan(options, card, seeds)])
+    from repaint_cli.cli.screen import Screen
+
     return Screen().run(
         repaint_cli.train,
         card,
-        seeds=seed_list(options.seed, options.seeds),
+        seeds=seeds,
         name=options.name,
         replace=options.replace,
         folder=options.run,
         keep=options.keep,
-        tensorboard=options.tensorboard,
+        track=trackers(options.track, options.tensorboard),
     )
+
+
+def _plan(options: TrainTeacherOptions, card: "TaskCard", seeds: list[int]) -> "Plan":
+    """Return what would be done."""
+    from repaint_cli.runs.start import plan_teacher
+
+    return plan_teacher(card, seeds, options.name, options.replace, options.run, options.keep)

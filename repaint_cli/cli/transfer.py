@@ -1,7 +1,9 @@
 """`repaint transfer`."""
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
+from repaint_cli.cli.dry_run import dry_run
 from repaint_cli.cli.option_rules import (
     check_card,
     check_method,
@@ -10,8 +12,12 @@ from repaint_cli.cli.option_rules import (
     parsed_into,
     settings_of,
 )
-from repaint_cli.cli.option_values import seed_list, task_named
+from repaint_cli.cli.option_values import seed_list, task_named, trackers
 from repaint_cli.cli.transfer_options import TransferOptions
+
+if TYPE_CHECKING:
+    from repaint_cli.runs.plan import Plan
+    from repaint_cli.tasks.card import TaskCard
 
 
 @parsed_into(TransferOptions)
@@ -25,7 +31,6 @@ def transfer(options: TransferOptions) -> None:
         repaint transfer --task reacher --method scratch --seeds 5
     """
     import repaint_cli
-    from repaint_cli.cli.screen import Screen
     from repaint_cli.tasks.methods import method_for
     from repaint_cli.tasks.presets import automatic_settings
 
@@ -34,13 +39,18 @@ def transfer(options: TransferOptions) -> None:
     algorithm = options.algorithm
     method = method_for(algorithm, options.method)
     check_method(options, method, algorithm)
-    card = repaint_cli.load_task(task_named(options.task))
+    task = repaint_cli.load_task(task_named(options.task))
     check_together(options)
     settings = settings_of(options, algorithm)
     if options.auto:
         settings = automatic_settings(settings, algorithm, method)
-    card = card.with_settings(settings)
+    card = task.with_settings(settings)
     check_card(options, card, algorithm)
+    seeds = seed_list(options.seed, options.seeds)
+    if options.dry_run:
+        return dry_run(task, lambda: [_plan(options, card, seeds, method)])
+    from repaint_cli.cli.screen import Screen
+
     return Screen().run(
         repaint_cli.transfer,
         card,
@@ -48,11 +58,21 @@ def transfer(options: TransferOptions) -> None:
         method=method,
         algorithm=algorithm,
         instances_from=options.instances_from or (),
-        seeds=seed_list(options.seed, options.seeds),
+        seeds=seeds,
         folder=options.run,
         keep=options.keep,
-        tensorboard=options.tensorboard,
+        track=trackers(options.track, options.tensorboard),
     )
+
+
+def _plan(options: TransferOptions, card: "TaskCard", seeds: list[int], method: str) -> "Plan":
+    """Return what would be done."""
+    from repaint_cli.runs.start import plan_transfer
+
+    return plan_transfer(
+        card, options.teacher or (), seeds, method, options.algorithm,
+        options.instances_from or (), options.run, options.keep,
+    )  # fmt: skip
 
 
 def _resume(options: TransferOptions, folder: Path) -> None:
@@ -65,6 +85,6 @@ def _resume(options: TransferOptions, folder: Path) -> None:
         repaint_cli.resume,
         folder,
         iterations=options.iterations,
-        tensorboard=options.tensorboard,
+        track=trackers(options.track, options.tensorboard),
         for_teacher=False,
     )

@@ -16,6 +16,7 @@ from repaint_cli.cli.options import (
     HOW,
     LONG,
     WHOM,
+    DryRun,
     EvalEpisodes,
     Iterations,
     Keep,
@@ -27,6 +28,7 @@ from repaint_cli.cli.options import (
     Set,
     TaskOption,
     TensorBoard,
+    Track,
     option,
 )
 from repaint_cli.tasks.methods import METHODS
@@ -152,9 +154,11 @@ class TransferOptions(NamedTuple):
     seed: Seed = 0
     eval_episodes: EvalEpisodes = None
     set: Set = None  # after all other settings: it overrides them
+    dry_run: DryRun = False
     resume: Resume = None
     run: RunFolderOption = None
     keep: Keep = 1
+    track: Track = None
     tensorboard: TensorBoard = False
 
     @property

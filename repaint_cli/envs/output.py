@@ -103,6 +103,11 @@ def prints_in_file() -> Iterator[PrintsInFile]:
             prints.flush()
 
 
+def warn(text: str) -> None:
+    """Show a warning of ours as those of libraries, a line, once."""
+    _output.warns(text)
+
+
 class _Captured:
     """Stands for a stream while an environment runs; other threads write to the stream itself."""
 

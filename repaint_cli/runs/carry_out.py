@@ -1,7 +1,7 @@
 """Carry out a plan: train, draw what came of it, and add the teacher to the zoo."""
 
 from collections.abc import Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -19,7 +19,8 @@ from repaint_cli.runs.plan import Plan
 from repaint_cli.runs.reader import RecordedRun, read_run
 from repaint_cli.runs.record import Alarm
 from repaint_cli.runs.run_page import run_page_if_possible
-from repaint_cli.runs.tensorboard import Events, is_installed, require_tensorboard
+from repaint_cli.runs.trackers.tracker import TrackedRun, require, tracker_class
+from repaint_cli.runs.trackers.tracking import Tracking, trackers_of
 
 
 @dataclass(frozen=True)
@@ -61,7 +62,7 @@ def carry_out(
     owned: AbstractContextManager[Experiment],
     watcher: Watcher | None = None,
     *,
-    tensorboard: bool = False,
+    track: Sequence[str] = (),
     finish_interrupted: bool = True,
 ) -> TrainedRun:
     """Train, draw, and write policies and the teacher, while the run's folder is held.
@@ -72,7 +73,7 @@ def carry_out(
     Args:
         owned: a run of `owner`, which holds its folder.
         watcher: who follows it.
-        tensorboard: whether to write TensorBoard events, too.
+        track: names of trackers.
         finish_interrupted: whether to draw and write what was finished before Ctrl-C.
 
     Raises:
@@ -80,35 +81,25 @@ def carry_out(
         KeyboardInterrupt: the training was interrupted.
         Terminated: the process was asked to end.
     """
-    if tensorboard:
-        require_tensorboard()
+    for name in track:
+        require(name)
     watcher = watcher or Watcher()
     with prints_in_file() as prints, owned as experiment:
         prints.path = experiment.plan.files.environment_log
-        tensorboard = tensorboard or _goes_on_with_events(experiment)
+        track, notices = trackers_of(experiment.plan.files, track)
+        experiment.notices += notices
         remember(experiment.plan.folder)
         watcher.begin(experiment)
         with _threads_of_torch(experiment.record.threads):
-            ended_by = _train(experiment, watcher, prints, tensorboard)
+            ended_by = _train(experiment, watcher, prints, track)
             if ended_by and not finish_interrupted:
                 raise ended_by
-            trained = _finish(experiment, ended_by is not None, tensorboard)
+            trained = _finish(experiment, ended_by is not None, track)
         prints.flush()  # while the folder is held
         watcher.finish(trained, ended_by is not None)
     if ended_by:
         raise ended_by
     return trained
-
-
-def _goes_on_with_events(experiment: Experiment) -> bool:
-    """Tell whether a run began with TensorBoard's events, and can go on with them."""
-    if not experiment.plan.files.tensorboard.is_dir():
-        return False
-    if not is_installed():
-        experiment.notices.append(
-            "TensorBoard is not installed: its events go on when the run is resumed with it"
-        )
-    return is_installed()
 
 
 @contextmanager
@@ -123,22 +114,23 @@ def _threads_of_torch(n: int) -> Iterator[None]:
 
 
 def _train(
-    experiment: Experiment, watcher: Watcher, prints: PrintsInFile, tensorboard: bool
+    experiment: Experiment, watcher: Watcher, prints: PrintsInFile, track: Sequence[str]
 ) -> KeyboardInterrupt | None:
     """Train; return what ended it early, if that left something to draw."""
     plan = experiment.plan
     cause: BaseException | None = None
     k = experiment.learner.iteration
-    events = Events(plan.files, plan.seeds, k) if tensorboard else nullcontext()
     try:
-        with events as writer, doing(f"{plan.method} · {plan.task.name}"):
+        with (
+            Tracking(track, _tracked(plan), k) as trackers,
+            doing(f"{plan.method} · {plan.task.name}"),
+        ):
             progress(k, plan.task.ppo.n_iterations, "iterations")
             for report in experiment.run():
                 progress(report.stats.iteration, plan.task.ppo.n_iterations, "iterations")
                 prints.flush()
                 watcher.show(report, experiment.newest_alarms)
-                if writer:
-                    writer.add(report)
+                trackers.add(report)
     except BaseException as error:
         cause = error
         if isinstance(error, KeyboardInterrupt) and experiment.learner.iteration:
@@ -150,7 +142,14 @@ def _train(
     return None
 
 
-def _finish(experiment: Experiment, interrupted: bool, tensorboard: bool) -> TrainedRun:
+def _tracked(plan: Plan) -> TrackedRun:
+    """Return what trackers are told of a run."""
+    settings = {"task": plan.task.model_dump(mode="json"), "method": plan.method}
+    settings |= {"algorithm": plan.algorithm, "teachers": [path.stem for path in plan.teachers]}
+    return TrackedRun(plan.files, plan.seeds, settings)
+
+
+def _finish(experiment: Experiment, interrupted: bool, track: Sequence[str]) -> TrainedRun:
     """Write policies and the teacher, and draw."""
     plan, files, teacher = experiment.plan, experiment.plan.files, None
     written = [files.record, files.metrics, files.checkpoint, files.best, *experiment.policies()]
@@ -165,6 +164,7 @@ def _finish(experiment: Experiment, interrupted: bool, tensorboard: bool) -> Tra
         written.append(files.evaluations)
     if logs := plan.task.env.logs:
         written += logs.folders(plan.folder, plan.seeds)
-    written += [files.tensorboard] if tensorboard else []
+    places = [tracker_class(name).place(files) for name in track]
+    written += [place for place in places if place.exists()]
     written += [files.environment_log] if files.environment_log.exists() else []
     return TrainedRun(run, plan, written, teacher, tuple(notices))

@@ -5,7 +5,9 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from pathlib import Path
 
+from repaint_cli.files.atomic import check_writable
 from repaint_cli.files.lock import Locked
+from repaint_cli.files.paths import user_zoo
 from repaint_cli.files.provenance import stamp
 from repaint_cli.runs.experiment import Experiment
 from repaint_cli.runs.find_policies import Policies
@@ -25,8 +27,9 @@ def new_run(plan: Plan) -> Iterator[Experiment]:
         CardError: the task cannot be rolled out as its card says.
         TeacherMismatch: a teacher does not fit the task.
         CheckpointError: a teacher's file is damaged.
-        StoreError: the folder exists or cannot be made.
+        StoreError: the folder exists or cannot be made, or the zoo cannot be written.
     """
+    _check_zoo(plan)
     experiment = Experiment.prepare(plan)
     with claimed(plan.folder, experiment.write_first, numbered=plan.numbered) as files:
         experiment.plan = replace(plan, folder=files.path)
@@ -55,7 +58,18 @@ def resumed_run(
         plan = plan_resume(
             folder, iterations, teacher_name, replace_teacher, for_teacher=for_teacher
         )
+        _check_zoo(plan)
         yield Experiment.resume(plan)
+
+
+def _check_zoo(plan: Plan) -> None:
+    """Check that a plan's teacher can be written: better now than after an hour of training.
+
+    Raises:
+        StoreError: the zoo cannot be written.
+    """
+    if plan.teacher_name:
+        check_writable(user_zoo())
 
 
 @contextmanager

@@ -5,7 +5,6 @@ from dataclasses import replace
 from pathlib import Path
 
 from repaint_cli.errors import NotFound, StoreError, UsageError, some
-from repaint_cli.files.atomic import check_writable
 from repaint_cli.files.paths import user_zoo
 from repaint_cli.files.provenance import stamp
 from repaint_cli.runs.folder import RUNS
@@ -128,7 +127,7 @@ def new_teacher_name(name: str, replace: bool) -> str:
     """Check that a teacher may be added to the user's zoo under a name.
 
     Raises:
-        StoreError: the name is invalid or taken, or the zoo cannot be written.
+        StoreError: the name is invalid or taken.
     """
     check_name(name)
     path = user_zoo() / f"{name}.safetensors"
@@ -136,7 +135,6 @@ def new_teacher_name(name: str, replace: bool) -> str:
         raise StoreError(
             f"your zoo has a teacher '{name}' already; give another name, or --replace it"
         )
-    check_writable(path.parent)  # better now than after an hour of training
     return name
 
 

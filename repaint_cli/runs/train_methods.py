@@ -34,8 +34,7 @@ def train_methods(
         UsageError: there is no method, seed or job, one stands there twice, a seed is negative, or
             teachers are named and no method uses one.
     """
-    check_methods(methods, jobs)
-    return _carried_out(_plans(card, methods, teachers, seeds), jobs)
+    return _carried_out(plan_methods(card, methods, teachers, seeds, jobs), jobs)
 
 
 def check_methods(methods: Sequence[str], jobs: int) -> None:
@@ -50,10 +49,19 @@ def check_methods(methods: Sequence[str], jobs: int) -> None:
         raise UsageError(f"expected at least 1 job, found {jobs}")
 
 
-def _plans(
-    card: TaskCard, methods: Sequence[str], teachers: Sequence[str], seeds: Sequence[int]
+def plan_methods(
+    card: TaskCard,
+    methods: Sequence[str],
+    teachers: Sequence[str],
+    seeds: Sequence[int],
+    jobs: int,
 ) -> list[Plan]:
-    """Return a plan for each method, all in one folder that is not made yet, checked."""
+    """Return a checked plan for each method, all in one folder, which is not made yet.
+
+    Raises:
+        As `train_methods`.
+    """
+    check_methods(methods, jobs)
     numbers, root, plans = checked_seeds(seeds), new_folder(None, card.name, "compare"), []
     taught = [name for name in methods if METHODS[method_for("ppo", name)].needs_teacher]
     if teachers and not taught:
@@ -69,7 +77,7 @@ def _plans(
 
 
 def _carried_out(plans: Sequence[Plan], jobs: int) -> Iterator[Path]:
-    """Carry out plans in a new folder; yield their folders as they finish.
+    """Make the plans' folder, and carry them out; yield their folders as they finish.
 
     Raises:
         RepaintError: what stopped a run.

@@ -4,6 +4,7 @@ A card may extend a shipped one and then holds only what differs.
 """
 
 import os
+import re
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,9 @@ from repaint_cli.files.commands import command
 from repaint_cli.files.limits import read_text, read_toml
 from repaint_cli.files.paths import shipped
 from repaint_cli.tasks.card import TaskCard
+
+ENV_ID = re.compile(r"-v\d+$")
+"""How an id of Gymnasium's ends; no shipped task is called so."""
 
 
 def shipped_tasks() -> dict[str, Path]:
@@ -37,9 +41,27 @@ def read_task(name: str) -> TaskCard:
     else:
         known = shipped_tasks()
         if name not in known:
+            check_no_environment(name)
             raise NotFound.named("task", name, known, "repaint tasks list")
         path = known[name]
     return TaskCard.parse({"name": path.stem} | _resolve(path), str(path))
+
+
+def check_no_environment(name: str) -> None:
+    """Check that no environment's id stands where a task's name is wanted.
+
+    Raises:
+        NotFound: one does; the error says how to write a card for it.
+    """
+    if not ENV_ID.search(name):
+        return
+    file = re.sub(r"[^a-z0-9]+", "-", name.rpartition(":")[2].rpartition("-v")[0].lower())
+    line = f"expected a task, found the id of an environment, {name!r:.200}; write a card for it: "
+    line += command(f"repaint tasks new --env {{}} {file.strip('-') or 'my-task'}.toml", name)
+    known = shipped_tasks()
+    if tasks := [task for task in known if _resolve(known[task])["env"].get("id") == name]:
+        line += f"; or take one of its tasks: {', '.join(tasks)}"
+    raise NotFound(line)
 
 
 def _resolve(path: Path) -> dict[str, Any]:

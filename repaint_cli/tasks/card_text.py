@@ -18,10 +18,10 @@ WIDTH = 80
 def to_toml(card: "TaskCard") -> str:
     """Write a card as TOML; settings that are absent stay absent."""
     data = card.model_dump(exclude_none=True, exclude={"name"})
-    top = [_line(key, value) for key, value in data.items() if not isinstance(value, dict)]
+    top = [line(key, value) for key, value in data.items() if not isinstance(value, dict)]
     for section, settings in data.items():
         if isinstance(settings, dict):
-            top += ["", f"[{section}]"] + [_line(k, v) for k, v in settings.items()]
+            top += ["", f"[{section}]"] + [line(k, v) for k, v in settings.items()]
     return "\n".join(top) + "\n"
 
 
@@ -31,7 +31,7 @@ def explained(card: "TaskCard") -> Iterator[str]:
     A setting that is absent stands in a comment.
     """
     yield from _comment(f"{card.name}, with every setting; a card of your own ends in .toml")
-    yield _line("summary", card.summary)
+    yield line("summary", card.summary)
     meaning = type(card).sentences()
     for section, settings in card.model_dump(exclude={"name", "summary"}).items():
         if settings is None:  # no reward function
@@ -49,11 +49,11 @@ def _setting(key: str, value: Any, sentences: Mapping[str, str]) -> Iterator[str
     if key in sentences:
         yield from _comment(sentences[key])
     if value is None:
-        yield f"# {_key(key)} is absent"
-    elif len(line := _line(key, value)) <= WIDTH or not isinstance(value, tuple | list):
-        yield line
+        yield f"# {key_text(key)} is absent"
+    elif len(text := line(key, value)) <= WIDTH or not isinstance(value, tuple | list):
+        yield text
     else:
-        yield f"{_key(key)} = ["
+        yield f"{key_text(key)} = ["
         yield from _lines_of([f"{_value(part)}," for part in value])
         yield "]"
 
@@ -76,18 +76,20 @@ def _comment(text: str) -> list[str]:
     )
 
 
-def _line(key: str, value: Any) -> str:
-    return f"{_key(key)} = {_value(value)}"
+def line(key: str, value: Any) -> str:
+    """Return a setting as TOML writes it."""
+    return f"{key_text(key)} = {_value(value)}"
 
 
-def _key(name: str) -> str:
+def key_text(name: str) -> str:
+    """Return a key as TOML writes it."""
     return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else _value(name)
 
 
 def _value(value: Any) -> str:
     """Write a value: JSON's words, numbers and texts are TOML's too."""
     if isinstance(value, dict):
-        pairs = [_line(k, v) for k, v in value.items() if v is not None]
+        pairs = [line(k, v) for k, v in value.items() if v is not None]
         return f"{{ {', '.join(pairs)} }}" if pairs else "{}"
     if isinstance(value, tuple | list):
         return "[" + ", ".join(_value(part) for part in value) + "]"

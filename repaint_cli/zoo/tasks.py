@@ -5,7 +5,7 @@ from pathlib import Path
 
 from repaint_cli.errors import CardError, NotFound
 from repaint_cli.tasks.card import TaskCard
-from repaint_cli.tasks.card_files import read_task, shipped_tasks
+from repaint_cli.tasks.card_files import check_no_environment, read_task, shipped_tasks
 from repaint_cli.zoo import store
 from repaint_cli.zoo.teacher_card import read_card
 
@@ -30,6 +30,7 @@ def read_task_or_teacher(name: str) -> TaskCard:
                 "never run from a teacher's file; name its card: my-task.toml"
             )
         return card
+    check_no_environment(name)
     known = [*shipped_tasks(), *teachers]
     raise NotFound.named("task or teacher", name, known, "repaint tasks list, repaint zoo list")
 

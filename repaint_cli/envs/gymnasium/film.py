@@ -31,6 +31,8 @@ PROBE_SECONDS = 60.0
 ADVICE = "no offscreen renderer works here (tried EGL and OSMesa); on Debian: apt install " + (
     "libegl1 libgl1-mesa-dri"
 )
+DRAWN_FLAT = tuple(f"gymnasium.envs.{kind}." for kind in ("classic_control", "box2d", "toy_text"))
+"""Where Gymnasium keeps what pygame draws in memory, without a renderer."""
 SIZE = 480
 """Width and height of a MuJoCo frame, pixels."""
 CAMERA_SETTINGS: dict[str, dict[str, Any]] = {
@@ -94,7 +96,7 @@ def render_gym(
         RenderError: no renderer works here, or the environment cannot be drawn.
         StoreError: the file cannot be written.
     """
-    renderer = find_renderer()
+    renderer = RENDERERS[0] if _is_drawn_flat(env_id) else find_renderer()
     if renderer is None:
         raise RenderError(ADVICE)
     job = {
@@ -110,6 +112,14 @@ def render_gym(
         os.replace(made, scratch)
 
 
+def _is_drawn_flat(env_id: str) -> bool:
+    """Return whether an environment is one of Gymnasium's that need no renderer."""
+    import gymnasium
+
+    spec = gymnasium.registry.get(env_id)
+    return spec is not None and str(spec.entry_point).startswith(DRAWN_FLAT)
+
+
 def _film_in_child(job: dict[str, Any], renderer: str) -> None:
     seconds = PROBE_SECONDS + sum(len(episode["actions"]) + 1 for episode in job["episodes"])
     try:
@@ -119,7 +129,7 @@ def _film_in_child(job: dict[str, Any], renderer: str) -> None:
     if child.returncode != 0:
         lines = (child.stdout.strip() or child.stderr.strip()).splitlines()
         reason = lines[-1] if lines else f"exit code {child.returncode}"
-        raise RenderError(f"cannot film '{job['env_id']}' with {renderer}: {reason}")
+        raise RenderError(f"cannot film '{job['env_id']}': {reason}")
 
 
 def _as_json(episode: Replay) -> dict[str, Any]:

@@ -1,0 +1,124 @@
+"""`--dry-run`: what would run, with which settings, and how long; nothing is written for it.
+
+All that is printed is a card in TOML; what is no setting stands in comments.
+"""
+
+import os
+import shutil
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from repaint_cli.runs.plan import Plan
+    from repaint_cli.tasks.card import TaskCard
+
+
+def dry_run(card: "TaskCard", plan: "Callable[[], Sequence[Plan]]", jobs: int = 1) -> None:
+    """Print what plans of a task would do.
+
+    Args:
+        card: the task's, before any option.
+        plan: checks what is asked for, and returns a plan for each run.
+        jobs: how many would run at a time.
+
+    Raises:
+        RepaintError: as the run itself would.
+    """
+    with _no_traces():
+        plans = plan()
+        lines = ["what follows would be trained; nothing is trained or written now"]
+        for one in plans:
+            lines += ["", *_about(one, card)]
+        _print(lines)
+        from repaint_cli.tasks.card_text import to_toml
+
+        print(f"\n{to_toml(plans[0].target if len(plans) == 1 else plans[0].task)}", flush=True)
+        _print_estimate(plans, jobs)
+
+
+def _print(lines: Sequence[str]) -> None:
+    from repaint_cli.cli.console import plain
+
+    for line in lines:
+        print(f"# {plain(line)}".rstrip(), flush=True)
+
+
+def _about(plan: "Plan", card: "TaskCard") -> Iterator[str]:
+    """Yield what is to be known of a plan but for its settings."""
+    yield f"task: {plan.task.name}"
+    algorithm = "" if plan.algorithm == "ppo" else f" of {plan.algorithm}"
+    yield f"method: {plan.method}{algorithm}"
+    yield f"seeds: {', '.join(map(str, plan.seeds))}"
+    for path in plan.teachers:
+        acts = plan.acting is None or path in plan.acting
+        yield f"teacher: {path.stem}, {path}{'' if acts else ', without its samples'}"
+    yield f"folder: {plan.folder}{' (with the time at which it begins)' * plan.numbered}"
+    if plan.teacher_name:
+        from repaint_cli.files.paths import user_zoo
+
+        yield f"teacher that it makes: {user_zoo() / plan.teacher_name}.safetensors"
+    given, carried_out = plan.task.model_dump(), plan.target.model_dump()
+    changes = list(_changes(card.model_dump(), given))
+    if plan.teachers:
+        changes += [f"{change}, by the method" for change in _changes(given, carried_out)]
+    yield f"settings that differ from the card: {'' if changes else 'none'}".rstrip()
+    yield from (f"  {change}" for change in changes)
+
+
+def _changes(card: Mapping[str, Any], target: Mapping[str, Any], prefix: str = "") -> Iterator[str]:
+    """Yield the settings that are others than in the card, with both values."""
+    for name, value in target.items():
+        before = card.get(name)
+        if isinstance(value, Mapping) and isinstance(before, Mapping):
+            yield from _changes(before, value, f"{prefix}{name}.")
+        elif value != before:
+            yield f"{prefix}{name} = {_text(value)} (card: {_text(before)})"
+
+
+def _text(value: Any) -> str:
+    return "absent" if value is None else str(value)
+
+
+def _print_estimate(plans: "Sequence[Plan]", jobs: int) -> None:
+    """Print how long the plans would take, by their first iterations."""
+    from rich.console import Console
+
+    from repaint_cli.activity import doing
+    from repaint_cli.cli.live import duration, live
+    from repaint_cli.runs.estimate import estimate
+
+    sys.stderr.write("training first iterations in a temporary folder, to tell how long it takes\n")
+    total = 0.0
+    for plan in plans:
+        with live(Console(stderr=True)), doing(f"measuring {plan.method}"):
+            found = estimate(plan)
+        total += found.seconds
+        measured = ", ".join(f"{seconds:.2g}" for seconds in found.measured)
+        _print([
+            f"{plan.method}: about {duration(found.seconds)} for {found.n_iterations:,} iterations "
+            f"with their evaluations; the first took {measured} s"
+        ])  # fmt: skip
+    if len(plans) > 1:
+        side = f"; with --jobs {jobs} less, at best 1/{jobs} of it" if jobs > 1 else ""
+        _print([f"all, one after the other: about {duration(total)}{side}"])
+
+
+@contextmanager
+def _no_traces() -> Iterator[None]:
+    """Keep compiled code in a temporary folder meanwhile, beginning with what the user's has."""
+    before = os.environ.get("XDG_CACHE_HOME")
+    cache = Path(before or os.path.expanduser("~/.cache")) / "repaint" / "numba"
+    with TemporaryDirectory(prefix="repaint-") as folder:
+        if cache.is_dir():
+            shutil.copytree(cache, Path(folder) / "repaint" / "numba")
+        os.environ["XDG_CACHE_HOME"] = folder
+        try:
+            yield
+        finally:
+            del os.environ["XDG_CACHE_HOME"]
+            if before is not None:
+                os.environ["XDG_CACHE_HOME"] = before

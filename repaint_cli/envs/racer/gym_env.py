@@ -1,0 +1,124 @@
+"""The racer as an environment of Gymnasium for other libraries: one car, or many in step."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium.vector import AutoresetMode, VectorEnv
+from numpy.typing import NDArray
+
+from repaint_cli.envs.racer.arguments import check_names
+from repaint_cli.envs.racer.dynamics.car import STEP_SECONDS
+from repaint_cli.envs.racer.env import RacerVectorEnv
+from repaint_cli.envs.racer.names import BOT_TERMS, TERMS
+from repaint_cli.envs.racer.registration import MAX_EPISODE_STEPS
+from repaint_cli.envs.racer.track.files import load_track
+from repaint_cli.envs.reward_terms import RewardTerms
+
+NO_LIMIT = 2**31 - 1
+"""Steps: `gymnasium.make` puts a time limit around the environment."""
+
+
+def make_cars(
+    num_envs: int = 1,
+    *,
+    track: str = "reinvent-like",
+    reward: Mapping[str, float] | None = None,
+    max_episode_steps: int = MAX_EPISODE_STEPS,
+    n_bots: int = 0,
+    **settings: Any,
+) -> "VectorEnv[Any, Any, Any]":
+    """Make N cars, each on its own copy of a track; see `RacerVectorEnv`.
+
+    Args:
+        num_envs: N.
+        track: a shipped track by name, or a file of waypoints.
+        reward: weights of reward terms, by name; the progress of the step where absent.
+        max_episode_steps: the time limit, steps of 1/15 s.
+        n_bots: other cars on each track.
+        settings: further arguments of `RacerVectorEnv`.
+
+    Raises:
+        ValueError: an argument is out of range, or there is no such reward term.
+        RepaintError: there is no such track.
+    """
+    terms = TERMS | BOT_TERMS if n_bots else TERMS
+    for name in reward or ():
+        check_names(reward=(name, sorted(terms)))
+    cars = RacerVectorEnv(
+        load_track(track), num_envs, max_steps=max_episode_steps, n_bots=n_bots, **settings
+    )
+    return RewardTerms(cars, reward) if reward else cars
+
+
+class RacerEnv(gymnasium.Env[Any, np.int64]):
+    """One car; spaces, reward, starts and infos are those of `RacerVectorEnv`, without its axis N.
+
+    The options of `reset` are `lap_fraction`, a number, and `reverse`. It is drawn as its (left)
+    camera sees the road.
+    """
+
+    metadata: dict[str, Any] = {  # noqa: RUF012 - as Gymnasium declares it
+        "render_modes": ["rgb_array"],
+        "render_fps": round(1 / STEP_SECONDS),
+    }
+
+    def __init__(self, render_mode: str | None = None, **settings: Any) -> None:
+        """Build the car; `reset` puts it on the road.
+
+        Args:
+            render_mode: "rgb_array" or None.
+            settings: arguments of `make_cars`.
+
+        Raises:
+            ValueError: an argument is out of range.
+        """
+        self._cars = make_cars(
+            1, max_episode_steps=NO_LIMIT, autoreset_mode=AutoresetMode.DISABLED, **settings
+        )
+        self.render_mode = render_mode
+        self.observation_space = self._cars.single_observation_space
+        self.action_space = self._cars.single_action_space
+        self._picture = np.zeros((*self._camera_shape()[:2], 3), np.uint8)
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Any, dict[str, Any]]:
+        """Start an episode; see `RacerVectorEnv.reset`."""
+        super().reset(seed=seed)
+        places = {name: [value] for name, value in (options or {}).items()}
+        obs, infos = self._cars.reset(seed=seed, options=places)
+        return self._look(obs), _of_one(infos)
+
+    def step(self, action: np.int64) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+        """Drive for 1/15 s."""
+        obs, rewards, terminations, truncations, infos = self._cars.step(np.array([action]))
+        ends = bool(terminations[0]), bool(truncations[0])
+        return self._look(obs), float(rewards[0]), *ends, _of_one(infos)
+
+    def render(self) -> NDArray[np.uint8] | None:
+        """Return what the (left) camera sees, (H, W, 3)."""
+        return self._picture.copy() if self.render_mode == "rgb_array" else None
+
+    def close(self) -> None:
+        """Stop the sensors' threads."""
+        self._cars.close()
+
+    def _camera_shape(self) -> tuple[int, ...]:
+        space = self.observation_space
+        if isinstance(space, gymnasium.spaces.Dict):
+            space = space["camera"]
+        return space.shape or ()
+
+    def _look(self, obs: Any) -> Any:
+        """Return the one observation of N = 1, and keep its picture."""
+        one = {name: part[0] for name, part in obs.items()} if isinstance(obs, dict) else obs[0]
+        camera = one["camera"] if isinstance(one, dict) else one
+        self._picture = np.repeat(camera[..., :1], 3, axis=-1)
+        return one
+
+
+def _of_one(infos: dict[str, Any]) -> dict[str, Any]:
+    """Return the infos of N = 1 car: numbers, and arrays without the axis N."""
+    return {name: rows[0].item() if rows.ndim == 1 else rows[0] for name, rows in infos.items()}
