@@ -9,7 +9,7 @@ interpreter back is out of its reach.
 
 import os
 import signal
-import sys
+from contextlib import suppress
 from threading import Thread
 from time import monotonic, sleep
 from types import FrameType
@@ -24,6 +24,10 @@ ENDS: dict[int, type[BaseException]] = {
 
 AT_ONCE = 0.3
 """Seconds within which signals count as one: `timeout` sends two."""
+
+
+STDOUT = 1
+"""The descriptor: the stream may be closed or wrapped."""
 
 
 class _Heard:
@@ -98,6 +102,7 @@ def _watch(pipe: int) -> None:
 
 
 def _end_at_once(number: int) -> None:
-    if sys.__stdout__ and sys.__stdout__.isatty():
-        os.write(sys.__stdout__.fileno(), b"\x1b[?25h\n")  # the cursor, which a live display hides
+    with suppress(OSError):
+        if os.isatty(STDOUT):
+            os.write(STDOUT, b"\x1b[?25h\n")  # the cursor, which a live display hides
     os._exit(128 + number)
