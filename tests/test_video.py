@@ -264,7 +264,7 @@ def test_an_environment_that_cannot_be_drawn_is_one_line(tmp_path):
 
 def test_figures_and_films_leave_pyplot_and_renderers_alone():
     drawing = ("report.curves", "report.video", "envs.racer.film", "envs.gymnasium.film")
-    drawing += ("envs.racer.path_figure", "envs.gymnasium.reacher", "statistics")
+    drawing += ("envs.racer.path_figure", "envs.gymnasium.reacher", "report.statistics")
     imports = "; ".join(f"import repaint_cli.{module}" for module in drawing)
     code = f"import sys; {imports}; print(*sys.modules)"
     loaded = subprocess.run(
