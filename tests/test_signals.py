@@ -48,12 +48,26 @@ TRAIN = ["transfer", "--method", "scratch", "--task", "bad.toml", "--run", "run"
 def started(words, *, ignored=False):
     """Type a command in a shell's foreground, or in its background, where SIGINT is ignored."""
     handler = signal.SIG_IGN if ignored else signal.SIG_DFL
-    return subprocess.Popen(
+    child = subprocess.Popen(
         [sys.executable, "-m", "repaint_cli", *map(str, words)], text=True,
         env=os.environ | {"PYTHONPATH": PATH, "OMP_NUM_THREADS": "1"},
         stdout=subprocess.PIPE, stderr=subprocess.PIPE,
         preexec_fn=partial(signal.signal, signal.SIGINT, handler), start_new_session=True,
     )  # fmt: skip
+    CHILDREN.append(child)
+    return child
+
+
+CHILDREN = []
+
+
+@pytest.fixture(autouse=True)
+def _no_child_stays():
+    """A child that a failing test leaves would keep a core for ever."""
+    yield
+    while CHILDREN:
+        with CHILDREN.pop() as child:
+            child.kill()
 
 
 def processes_of(group):
