@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from time import monotonic
 
 
-@dataclass
+@dataclass(eq=False)
 class Activity:
     """One of the things that are being done."""
 

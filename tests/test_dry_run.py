@@ -49,7 +49,7 @@ def test_what_is_printed_is_the_card_that_would_be_trained(repaint, home, teache
         assert f"{line}\n" in said.out
     assert re.search(r"# folder: runs/reacher/kickstart-old-hand-\S+ \(with the time", said.out)
     assert re.search(
-        r"# kickstart: about \d+ s for 2 iterations .* took [\d.]+, [\d.]+ s", said.out
+        r"# kickstart: about [\d.]+ s for 2 iterations .* took [\d.]+, [\d.]+ s", said.out
     )
     data = tomllib.loads(said.out)
     assert (data["net"]["hidden"], data["transfer"]["instance"]) == ([8], 0)

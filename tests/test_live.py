@@ -11,7 +11,8 @@ from small_tasks import guess, reach
 
 from repaint_cli import activity
 from repaint_cli.cli import live as live_module
-from repaint_cli.cli.live import Pace, duration, live
+from repaint_cli.cli.live import Pace, live
+from repaint_cli.runs.comparison_words import duration
 
 
 @pytest.fixture
@@ -29,8 +30,8 @@ def clock(monkeypatch):
 
 @pytest.mark.parametrize(
     ("seconds", "text"),
-    [(0.2, "0 s"), (40, "40 s"), (99, "99 s"), (100, "2 min"), (3580, "1 h 0 min"),
-     (4800, "1 h 20 min"), (90_000, "25 h 0 min")],
+    [(0.2, "0.2 s"), (9.96, "10 s"), (42, "42 s"), (99.4, "99 s"), (100, "1.7 min"),
+     (186, "3.1 min"), (2520, "42 min"), (9000, "2.5 h"), (float("nan"), "-")],
 )  # fmt: skip
 def test_durations_are_for_people(seconds, text):
     assert duration(seconds) == text
@@ -99,7 +100,7 @@ def test_a_terminal_shows_each_activity_within_80_columns(clock):
             shown = drawn(terminal(), left=lambda: 11_100, note=lambda: "return 3")
     lines = [re.sub(r"\x1b\[[\d?]*\w", "", line).rstrip() for line in shown.splitlines()]
     outer = [line for line in lines if line.startswith("repaint-joint")]
-    assert outer[-1].endswith("112/1,200 iterations 1:20:05, 3 h 5 min left")
+    assert outer[-1].endswith("112/1,200 iterations 1:20:05, 3.1 h left")
     assert any("  learning" in line and "1,120/1,260 batches" in line for line in lines)
     assert "  return 3" in lines
     assert max(map(len, lines)) <= 80

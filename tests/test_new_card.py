@@ -88,7 +88,7 @@ class Odds(Odd):
 
 for kind in (Weighted, Fails, Odds):
     gymnasium.register(f"{kind.__name__}-v0", kind, max_episode_steps=10, disable_env_checker=True)
-gymnasium.register("Endless-v0", Endless)
+gymnasium.register("EndlessCard-v0", Endless)
 
 
 def test_a_card_is_written_and_trains(repaint, home):
@@ -129,7 +129,7 @@ def test_odd_environments_get_a_card_that_is_sound(repaint, home, kind):
     [
         ("HalfCheeta-v5", 3, "gymnasium has no environment 'HalfCheeta-v5'.*HalfCheetah"),
         ("nowhere:Env-v0", 3, "gymnasium has no environment 'nowhere:Env-v0': No module"),
-        ("Endless-v0", 3, "has no time limit"),
+        ("EndlessCard-v0", 3, "has no time limit"),
         ("Fails-v0", 3, "the environment failed in a step: RuntimeError: no power"),
         ("Odds-v0", 3, "expected observations in a vector or an image"),
     ],

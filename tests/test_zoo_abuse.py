@@ -139,7 +139,9 @@ def test_a_store_that_is_only_to_be_read(repaint, home, folder):
         for words in (TRAIN, ["zoo", "add", "new", folder / "old-hand.safetensors"]):
             said = repaint(*words)
             assert said.code == StoreError.exit_code
-            assert said.err == f"error: cannot write to {folder}: Read-only file system\n"
+            assert said.err.startswith("error: cannot write ")
+            assert str(folder) in said.err
+            assert said.err.endswith(": Read-only file system\n")
         said = repaint("zoo", "remove", "old-hand", "--yes")
         assert said.err.startswith(f"error: cannot remove {folder}/old-hand.safetensors: Read-only")
         assert not (home / "runs").exists()

@@ -66,7 +66,7 @@ def _compare(options: CompareOptions, folders: list[Path], target: float | None)
     """Compare runs by their returns; print the numbers before anything is written."""
     import repaint_cli
     from repaint_cli.cli.comparison_table import print_comparison
-    from repaint_cli.cli.screen import print_written
+    from repaint_cli.cli.printing import print_written
 
     def show(comparison: "Comparison") -> None:
         if options.json:
@@ -115,7 +115,7 @@ def _play(options: CompareOptions, folders: list[Path]) -> None:
     """Let the last policies of runs play, and draw their paths side by side."""
     import repaint_cli
     from repaint_cli.cli.episode_table import table
-    from repaint_cli.cli.screen import out, print_written
+    from repaint_cli.cli.printing import out, print_written
 
     def show(one: "EvaluatedRun") -> None:
         if not options.json:

@@ -4,7 +4,7 @@ import numpy as np
 from rich.table import Table
 
 from repaint_cli.cli.console import literal
-from repaint_cli.cli.screen import out
+from repaint_cli.cli.printing import out
 from repaint_cli.runs.comparison import Comparison, Estimate, Standing
 from repaint_cli.runs.comparison_words import (
     duration,

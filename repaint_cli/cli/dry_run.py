@@ -88,7 +88,8 @@ def _print_estimate(plans: "Sequence[Plan]", jobs: int) -> None:
     from rich.console import Console
 
     from repaint_cli.activity import doing
-    from repaint_cli.cli.live import duration, live
+    from repaint_cli.cli.live import live
+    from repaint_cli.runs.comparison_words import duration
     from repaint_cli.runs.estimate import estimate
 
     sys.stderr.write("training first iterations in a temporary folder, to tell how long it takes\n")
@@ -113,8 +114,10 @@ def _no_traces() -> Iterator[None]:
     before = os.environ.get("XDG_CACHE_HOME")
     cache = Path(before or os.path.expanduser("~/.cache")) / "repaint" / "numba"
     with TemporaryDirectory(prefix="repaint-") as folder:
+        own = Path(folder) / "repaint"
+        own.mkdir(mode=0o700)  # whatever the umask: others may not write what is run
         if cache.is_dir():
-            shutil.copytree(cache, Path(folder) / "repaint" / "numba")
+            shutil.copytree(cache, own / "numba")
         os.environ["XDG_CACHE_HOME"] = folder
         try:
             yield

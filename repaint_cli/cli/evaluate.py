@@ -92,8 +92,8 @@ def evaluate(options: EvaluateOptions) -> None:
     from repaint_cli.cli.episode_table import table
     from repaint_cli.cli.live import live
     from repaint_cli.cli.namesakes import print_notes
-    from repaint_cli.cli.screen import out, print_written
-    from repaint_cli.errors import RenderError
+    from repaint_cli.cli.printing import out, print_written
+    from repaint_cli.errors import RenderError, StoreError
     from repaint_cli.runs.evaluate import check_filmed
 
     def show(policies: "Policies", episodes: "Episodes") -> None:
@@ -119,7 +119,7 @@ def evaluate(options: EvaluateOptions) -> None:
         if options.render_offscreen:
             try:
                 written.append(evaluation.film(options.video_episodes))
-            except RenderError:
+            except (RenderError, StoreError):
                 print_written(written, following)
                 raise
         print_written(written, following)

@@ -13,6 +13,7 @@ from rich.text import Text
 from repaint_cli import activity
 from repaint_cli.activity import Activity
 from repaint_cli.cli.console import plain
+from repaint_cli.runs.comparison_words import duration
 
 NAME_WIDTH, BAR_WIDTH, COUNT_WIDTH = 24, 10, 20
 
@@ -69,14 +70,6 @@ def _time(own: Activity, left: float | None) -> str:
     hours, minutes = divmod(minutes, 60)
     so_far = f"{hours}:{minutes:02}:{seconds:02}" if hours else f"{minutes}:{seconds:02}"
     return so_far + ("" if left is None else f", {duration(left)} left")
-
-
-def duration(seconds: float) -> str:
-    """Return a duration for people: 40 s, 4 min, 1 h 20 min."""
-    if seconds < 99.5:
-        return f"{seconds:.0f} s"
-    minutes = round(seconds / 60)
-    return f"{minutes} min" if minutes < 60 else f"{minutes // 60} h {minutes % 60} min"
 
 
 class Pace:

@@ -1,24 +1,22 @@
 """What people see during a run: a live display on a terminal, a line per iteration elsewhere."""
 
 from collections.abc import Callable, Iterable, Sequence
-from pathlib import Path
 
 import numpy as np
-from rich.console import Console
 
 from repaint_cli.cli import namesakes
 from repaint_cli.cli.console import literal
-from repaint_cli.cli.live import Pace, duration, live
+from repaint_cli.cli.live import Pace, live
+from repaint_cli.cli.printing import out, print_written
 from repaint_cli.errors import OutputError, RepaintError, StoreError, Terminated
 from repaint_cli.files.commands import command
 from repaint_cli.kernels import seconds_of_compiling
 from repaint_cli.runs.carry_out import TrainedRun, Watcher
+from repaint_cli.runs.comparison_words import duration
 from repaint_cli.runs.experiment import Experiment
 from repaint_cli.runs.metrics import Report
 from repaint_cli.runs.plan import Plan
 from repaint_cli.runs.record import Alarm
-
-out = Console(soft_wrap=True, highlight=False, emoji=False)
 
 
 class Screen(Watcher):
@@ -130,13 +128,3 @@ def numbers_of(report: Report) -> str:
     if "kept_fraction" in stats.metrics:
         parts.append(f"kept {np.mean(stats.metrics['kept_fraction']):.2f}")
     return " · ".join(parts)
-
-
-def print_written(files: Sequence[Path], following: str) -> None:
-    """Print every file written, folder by folder, and the next command worth typing."""
-    folders: dict[Path, list[str]] = {}
-    for path in files:
-        folders.setdefault(path.parent, []).append(path.name)
-    for folder, names in folders.items():
-        out.print(f"wrote [bold]{literal(folder)}/[/bold]: {literal(', '.join(names))}")
-    out.print(f"next: [bold]{literal(following)}[/bold]")

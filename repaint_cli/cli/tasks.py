@@ -60,7 +60,7 @@ def show(name: TaskName) -> None:
         repaint tasks show my-task.toml
     """
     from repaint_cli.cli.console import literal
-    from repaint_cli.cli.screen import out
+    from repaint_cli.cli.printing import out
     from repaint_cli.tasks.card_files import read_task
     from repaint_cli.tasks.card_text import explained
 

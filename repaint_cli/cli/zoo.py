@@ -161,7 +161,7 @@ def export(
         repaint zoo export racer-inner my-folder --onnx
     """
     from repaint_cli.cli.namesakes import print_notes
-    from repaint_cli.cli.screen import print_written
+    from repaint_cli.cli.printing import print_written
     from repaint_cli.zoo.export import export
     from repaint_cli.zoo.store import find
 

@@ -88,7 +88,7 @@ def add(options: AddOptions) -> None:
         repaint zoo add my-teacher teacher.safetensors
         repaint zoo add my-teacher model.zip --from sb3 --task reacher
     """
-    from repaint_cli.cli.screen import out, print_written
+    from repaint_cli.cli.printing import out, print_written
     from repaint_cli.files.paths import user_zoo
     from repaint_cli.runs.start import new_teacher_name
     from repaint_cli.zoo import store
@@ -130,7 +130,7 @@ def _import_policy(options: AddOptions) -> "tuple[ActorCritic, TeacherCard]":
         UsageError: --task is absent.
     """
     from repaint_cli.cli.console import literal
-    from repaint_cli.cli.screen import out
+    from repaint_cli.cli.printing import out
     from repaint_cli.tasks.card_files import read_task
     from repaint_cli.zoo.importers.fit import observation_notice
     from repaint_cli.zoo.importers.imported import as_teacher

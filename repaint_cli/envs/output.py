@@ -10,12 +10,13 @@ import re
 import sys
 import warnings
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from threading import get_ident
 from typing import Any, TextIO
 
 from repaint_cli.envs.gymnasium.notices import in_our_words
+from repaint_cli.errors import StoreError
 from repaint_cli.files.atomic import write_errors
 
 SHOWN = 10
@@ -64,6 +65,22 @@ class PrintsInFile(Output):
             self._size += len(text)
             self._kept.append(text if self._size <= LARGEST_LOG else "\n(and so on)\n")
 
+    @contextmanager
+    def kept_in(self, path: Path | None) -> Iterator[None]:
+        """Write what was printed to a file by the end of the block, however it ends.
+
+        Raises:
+            StoreError: the file cannot be written, and nothing else went wrong.
+        """
+        self.path = path
+        try:
+            yield
+        except BaseException:
+            with suppress(StoreError):
+                self.flush()
+            raise
+        self.flush()
+
     def flush(self) -> None:
         """Write what was kept to the file, or show it once where there is none.
 
@@ -96,11 +113,8 @@ def output_to(output: Output) -> Iterator[None]:
 def prints_in_file() -> Iterator[PrintsInFile]:
     """Keep what environments print meanwhile for a file."""
     prints = PrintsInFile()
-    with output_to(prints):
-        try:
-            yield prints
-        finally:
-            prints.flush()
+    with output_to(prints), prints.kept_in(None):
+        yield prints
 
 
 def warn(text: str) -> None:

@@ -84,8 +84,11 @@ def carry_out(
     for name in track:
         require(name)
     watcher = watcher or Watcher()
-    with prints_in_file() as prints, owned as experiment:
-        prints.path = experiment.plan.files.environment_log
+    with (
+        prints_in_file() as prints,
+        owned as experiment,
+        prints.kept_in(experiment.plan.files.environment_log),  # while the folder is held
+    ):
         track, notices = trackers_of(experiment.plan.files, track)
         experiment.notices += notices
         remember(experiment.plan.folder)
@@ -95,7 +98,7 @@ def carry_out(
             if ended_by and not finish_interrupted:
                 raise ended_by
             trained = _finish(experiment, ended_by is not None, track)
-        prints.flush()  # while the folder is held
+        prints.flush()
         watcher.finish(trained, ended_by is not None)
     if ended_by:
         raise ended_by

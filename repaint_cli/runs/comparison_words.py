@@ -78,9 +78,12 @@ def whole(number: float) -> str:
 
 
 def duration(seconds: float) -> str:
-    """Write a time: 42 s, 3.1 min, 2.5 h."""
+    """Write a time: 2.4 s, 42 s, 3.1 min, 42 min, 2.5 h."""
     if np.isnan(seconds):
         return "-"
-    if seconds < 60:
-        return f"{seconds:.0f} s"
-    return f"{seconds / 60:.1f} min" if seconds < 3600 else f"{seconds / 3600:.1f} h"
+    if seconds < 99.5:
+        return f"{seconds:.1f} s" if seconds < 9.95 else f"{seconds:.0f} s"
+    minutes = seconds / 60
+    if minutes < 99.5:
+        return f"{minutes:.1f} min" if minutes < 9.95 else f"{minutes:.0f} min"
+    return f"{minutes / 60:.1f} h"

@@ -61,7 +61,7 @@ def _settings(run: RecordedRun) -> dict[str, Any]:
     first, last = run.seeds[0], run.seeds[-1]
     in_a_row = run.seeds == list(range(first, last + 1))
     seeds = f"{first}-{last}" if in_a_row and last > first else " ".join(map(str, run.seeds))
-    return {"seed" if first == last else "seeds": seeds} | settings
+    return {"seeds": seeds} | settings
 
 
 def _short_name(name: str, each: Sequence[Mapping[str, Any]]) -> str:

@@ -131,12 +131,10 @@ def main(number: str) -> None:
     except KeyboardInterrupt:  # which the parent gets, too
         sys.exit(130)
     except Exception as error:
-        error.add_note(traceback.format_exc())  # for --debug
-        problem = error
-    try:
-        pipe.send(problem)
-    except Exception:  # what an environment raises may hold anything
-        pipe.send(RuntimeError(f"{type(problem).__name__}: {problem}"))
+        ours = isinstance(error, RepaintError)  # others may not survive the way
+        problem = error if ours else RuntimeError(f"{type(error).__name__}: {error}")
+        problem.add_note(traceback.format_exc())  # for --debug
+    pipe.send(problem)
 
 
 def _end_with_parent(pipe: "Connection[Exception | None, Plan]") -> None:
