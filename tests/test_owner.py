@@ -12,15 +12,15 @@ from repaint_cli.runs.new_folder import make_new
 
 BEFORE_THE_LOCK = "repaint_cli.files.lock._acquire"
 WITH_THE_LOCK = [
-    "repaint_cli.runs.start.read_run",
+    pytest.param("repaint_cli.runs.start.read_run", marks=pytest.mark.slow),
     "repaint_cli.runs.experiment.restore",
-    "repaint_cli.runs.experiment.settle",
-    "repaint_cli.runs.carry_out.draw_run",
+    pytest.param("repaint_cli.runs.experiment.settle", marks=pytest.mark.slow),
+    pytest.param("repaint_cli.runs.carry_out.draw_run", marks=pytest.mark.slow),
 ]
 NAMING = "repaint_cli.runs.new_folder._renamed"
 WHILE_IT_BEGINS = [
     pytest.param("repaint_cli.runs.start.checked_seeds", marks=pytest.mark.slow),
-    pytest.param("repaint_cli.runs.folder.folder_lock", marks=pytest.mark.slow),
+    pytest.param("repaint_cli.runs.new_folder.folder_lock", marks=pytest.mark.slow),
     pytest.param("repaint_cli.runs.experiment.start_csv", marks=pytest.mark.slow),
     NAMING,
 ]
