@@ -59,6 +59,29 @@ def load(path: Path, *, finite: bool = True) -> tuple[dict[str, Tensor], dict[st
         CheckpointError: the file is absent, damaged, not one of ours, or holds numbers that are not
             finite.
     """
+    while True:
+        before = _inode(path)
+        try:
+            tensors, header = _read(path)
+            break
+        except CheckpointError:
+            if _inode(path) == before:  # else another file has taken its place between two reads
+                raise
+    for name, tensor in tensors.items():
+        if finite and not torch.isfinite(tensor).all():
+            raise CheckpointError(f"{path}: leaf '{name:.100}' holds numbers that are not finite")
+    return tensors, header
+
+
+def _inode(path: Path) -> int | None:
+    try:
+        return path.stat().st_ino
+    except OSError:
+        return None
+
+
+def _read(path: Path) -> tuple[dict[str, Tensor], dict[str, Any]]:
+    """Read all tensors and the header, and check that they are what was written."""
     with open_weights(path, "pt") as file:
         header, expected_hash = header_of(path, file)
         for name in file.keys():  # noqa: SIM118
@@ -69,9 +92,6 @@ def load(path: Path, *, finite: bool = True) -> tuple[dict[str, Tensor], dict[st
         raise CheckpointError(
             f"{path} is not what was written: its {HASH} does not match; copy or train it again"
         )
-    for name, tensor in tensors.items():
-        if finite and not torch.isfinite(tensor).all():
-            raise CheckpointError(f"{path}: leaf '{name:.100}' holds numbers that are not finite")
     return tensors, header
 
 
