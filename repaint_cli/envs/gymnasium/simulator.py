@@ -46,9 +46,7 @@ class GymnasiumSimulator(Simulator):
                 raise ValueError(f"expected arguments of the environment itself, found {name}")
         skip = kwargs.get("frame_skip", 1)
         if not isinstance(skip, int) or not 0 < skip <= LONGEST_STEP:
-            raise ValueError(
-                f"expected a frame_skip from 1 to {LONGEST_STEP:,}, whole, found {skip!r}"
-            )
+            raise ValueError(f"expected a whole frame_skip from 1 to {LONGEST_STEP:,}")
         for name, value in kwargs.items():
             if any(part is None for part in _parts_of(value)):
                 raise ValueError(f"expected numbers, texts, lists or tables as {name}")
