@@ -162,10 +162,10 @@ NO_MEMORY = (
 
 def as_line(error: Exception) -> tuple[str, int]:
     """Return a line about what nobody foresaw, and the exit code."""
-    said = (str(error).strip().splitlines() or [""])[0][:300]
+    message = (str(error).strip().splitlines() or [""])[0][:300]
     hint = "the traceback: repaint --debug …"
     if isinstance(error, MemoryError) or any(text in str(error) for text in NO_MEMORY):
-        what = said or "no more can be had"
+        what = message or "no more can be had"
         return (
             f"not enough memory ({what}); raise its limit (ulimit -v), or take fewer seeds, "
             f"environments (ppo.n_envs) or --jobs; {hint}",
@@ -174,9 +174,5 @@ def as_line(error: Exception) -> tuple[str, int]:
     if isinstance(error, OSError) and error.strerror:
         name = "" if error.filename is None else f" '{error.filename!s:.80}'"
         return f"the operating system refuses{name}: {error.strerror}; {hint}", StoreError.exit_code
-    kind = type(error).__name__
-    return (
-        f"this is a mistake in repaint, please report it: {kind}{': ' if said else ''}{said}; "
-        f"{hint}",
-        MISTAKE,
-    )
+    kind = type(error).__name__ + (": " if message else "")
+    return f"this is a mistake in repaint, please report it: {kind}{message}; {hint}", MISTAKE

@@ -50,7 +50,7 @@ def test_terms_are_numbers_that_give_the_reward_exactly(rewards, numbers, weight
 def test_a_reward_that_was_never_paid_is_a_term_by_its_name_and_said_so():
     terms = found(A, reward_near=A, reward_goal=ZERO, hits=ZERO)
     assert terms.weights == {"reward_near": 1.0, "reward_goal": 1.0}
-    assert terms.unseen == ("reward_goal",)
+    assert terms.always_zero == ("reward_goal",)
 
 
 @pytest.mark.parametrize(

@@ -9,8 +9,11 @@ import pytest
 from small_runs import QUICK, add_teacher
 from written_runs import climb, write_run
 
+from repaint_cli.files.atomic import sha256
 from repaint_cli.runs.command import as_argument, command_of, compare_command, toml_value
 from repaint_cli.runs.reader import read_run
+from repaint_cli.runs.record import TeacherRecord
+from repaint_cli.zoo.store import shipped_file
 
 JOINED = "\\\n"
 """Where a shell reads on in the next line."""
@@ -48,6 +51,20 @@ def test_the_command_of_a_run_begins_the_same_run(repaint, home, words):
     replace = ["--replace"] if words[0] == "train-teacher" else []
     assert repaint(*typed[1:], *replace, "--run", "two").code == 0
     assert decided(home / "two") == decided(home / "one")
+
+
+def test_a_teacher_is_named_by_what_its_file_holds_and_not_by_who_has_its_name_now(home):
+    run = write_run(home / "run", climb())
+    shipped = shipped_file("reacher-gentle")
+    taught = {"name": "reacher-gentle", "sha256": sha256(shipped), "file": str(shipped)}
+    record = run.record.model_copy(update={"teachers": [TeacherRecord(**taught)]})
+    assert "--teacher reacher-gentle" in command_of(record, run.task).replace(JOINED, "")
+    own = add_teacher(home / "home" / "zoo", "reacher-gentle")
+    assert "--teacher reacher-gentle@shipped" in command_of(record, run.task).replace(JOINED, "")
+    taught |= {"sha256": "of another file", "file": "runs/a/best.safetensors"}
+    record = run.record.model_copy(update={"teachers": [TeacherRecord(**taught)]})
+    assert "--teacher runs/a/best.safetensors" in command_of(record, run.task)
+    assert own.is_file()
 
 
 def test_a_card_of_ones_own_is_named_as_a_file(home):

@@ -96,12 +96,13 @@ def _print_estimate(plans: "Sequence[Plan]", jobs: int) -> None:
     total = 0.0
     for plan in plans:
         with live(Console(stderr=True)), doing(f"measuring {plan.method}"):
-            found = estimate(plan)
-        total += found.seconds
-        measured = ", ".join(f"{seconds:.2g}" for seconds in found.measured)
+            measured = estimate(plan)
+        total += measured.seconds
+        firsts = ", ".join(f"{seconds:.2g}" for seconds in measured.measured)
         _print([
-            f"{plan.method}: about {duration(found.seconds)} for {found.n_iterations:,} iterations "
-            f"with their evaluations; the first took {measured} s"
+            f"{plan.method}: about {duration(measured.seconds)} for "
+            f"{measured.n_iterations:,} iterations with their evaluations; the first took "
+            f"{firsts} s"
         ])  # fmt: skip
     if len(plans) > 1:
         side = f"; with --jobs {jobs} less, at best 1/{jobs} of it" if jobs > 1 else ""

@@ -16,15 +16,15 @@ def for_extra_words(
         given: the values of the command's parameters, by name.
         arguments: what the command takes without an option.
     """
-    found = " ".join(map(shlex.quote, words))
+    surplus = " ".join(map(shlex.quote, words))
     if arguments or "task" not in given:
         wanted = f"{' '.join(arguments)} and options" if arguments else "options alone"
-        return f"expected {wanted}, found also: {found}."
+        return f"expected {wanted}, found also: {surplus}."
     *teachers, last = map(shlex.quote, words)
     options = [f"--teacher {word}" for word in teachers] if "teacher" in given else []
     is_teacher = given["task"] and "teacher" in given
     options.append(f"--teacher {last}" if is_teacher else f"--task {last}")
-    return f"expected options, found {found}; did you mean: {command} {' '.join(options)}?"
+    return f"expected options, found {surplus}; did you mean: {command} {' '.join(options)}?"
 
 
 def for_unknown_option(name: str) -> str:

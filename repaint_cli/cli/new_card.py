@@ -29,7 +29,7 @@ def new_card(env_id: str) -> str:
     limit = simulator.longest_episode()
     spaces = _spaces_of(simulator)
     played = play(simulator)
-    found = find_terms(played)
+    fitted = find_terms(played)
     network = ["", "[net]", 'kind = "cnn"'] if spaces.image else []
     lines = [
         f"# {env_id} has {spaces}, and at most {limit:,} steps an episode.",
@@ -40,7 +40,7 @@ def new_card(env_id: str) -> str:
         'simulator = "gymnasium"',
         line("id", env_id),
         "",
-        *_reward_lines(played, found),
+        *_reward_lines(played, fitted),
         *network,
         "",
         *_rollout_lines(limit),
@@ -66,29 +66,29 @@ def _how_played(played: Played) -> str:
     return text
 
 
-def _reward_lines(played: Played, found: FoundTerms) -> list[str]:
+def _reward_lines(played: Played, fitted: FoundTerms) -> list[str]:
     """Return the section [reward], and how its weights were chosen."""
-    weights = found.weights or {OWN_REWARD: 1.0}
+    weights = fitted.weights or {OWN_REWARD: 1.0}
     terms = [
         f"{line(name, weight)} # {_span(played, name)} in a step"
-        + (": whether the reward has it is not known" if name in found.unseen else "")
+        + (": whether the reward has it is not known" if name in fitted.always_zero else "")
         for name, weight in weights.items()
     ]
     left = [key_text(name) for name in played.numbers if name not in weights]
     others = [f"# Other numbers of its infos, without weight: {', '.join(left)}"] if left else []
-    return [f"# {_how_chosen(played, found)}", "[reward]", *terms, *others]
+    return [f"# {_how_chosen(played, fitted)}", "[reward]", *terms, *others]
 
 
-def _how_chosen(played: Played, found: FoundTerms) -> str:
+def _how_chosen(played: Played, fitted: FoundTerms) -> str:
     """Return a sentence about the weights."""
-    if not found.weights:
+    if not fitted.weights:
         if not played.numbers:
             return "The environment's own reward: its infos hold no numbers."
         return "The environment's own reward: no sum of its infos' numbers is that in every step."
     what, verb = "These numbers of its infos", "add up to"
-    if len(found.weights) == 1:
+    if len(fitted.weights) == 1:
         what, verb = "This number of its infos", "is"
-    how = "" if set(found.weights.values()) == {1.0} else ", times the weight,"
+    how = "" if set(fitted.weights.values()) == {1.0} else ", times the weight,"
     return f"{what}{how} {verb} the environment's own reward in every step."
 
 

@@ -42,8 +42,8 @@ def _is_ours(path: Path) -> bool:
     marks = (page,) if path.suffix in (".md", ".html") else (page, picture)
     if any(mark in _ends_of(path) for mark in marks):
         return True
-    beside = [path.with_name(name) for name in PAGES if path.name not in PAGES]
-    return any(page in _ends_of(other) for other in beside)
+    pages = [path.with_name(name) for name in PAGES if path.name not in PAGES]
+    return any(page in _ends_of(other) for other in pages)
 
 
 def _ends_of(path: Path) -> bytes:

@@ -7,6 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from repaint_cli.errors import RepaintError
+from repaint_cli.files.atomic import sha256
+from repaint_cli.files.commands import quoted
 from repaint_cli.runs.record import RunRecord, TeacherRecord
 from repaint_cli.tasks.card import TaskCard
 from repaint_cli.tasks.card_files import read_task, shipped_tasks
@@ -88,9 +90,16 @@ def _settings(card: Mapping[str, Any], task: Mapping[str, Any]) -> list[str] | N
 
 
 def _teachers(teachers: Iterable[TeacherRecord]) -> Iterator[str]:
+    """Yield the options that name teachers: by a name only where its file is the same."""
     known, all_act = store.teachers(), all(teacher.instances for teacher in teachers)
     for teacher in teachers:
-        name = teacher.name if teacher.name in known else teacher.file or teacher.name
+        name = teacher.name.removesuffix(store.SHIPPED)
+        same = (
+            other
+            for other in (name, name + store.SHIPPED)
+            if other in known and sha256(known[other]) == teacher.sha256
+        )
+        name = next(same, teacher.file or teacher.name)
         yield from ("--teacher", name)
         if teacher.instances and not all_act:
             yield from ("--instances-from", name)
@@ -99,7 +108,7 @@ def _teachers(teachers: Iterable[TeacherRecord]) -> Iterator[str]:
 def _typed(words: Sequence[str]) -> str:
     """Return a command as it is typed into a shell, on lines that end before an option."""
     lines = [""]
-    parts = [f" {shlex.quote(word)}" for word in words]
+    parts = [f" {shlex.quote(word) if word.isprintable() else quoted(word)}" for word in words]
     for i, part in enumerate(parts):
         whole = part + parts[i + 1] if words[i].startswith("--") and i + 1 < len(parts) else part
         if len(lines[-1] + whole) > LINE and words[i].startswith("--"):

@@ -27,7 +27,7 @@ def scores(comparison: Comparison) -> tuple[list[str], Rows]:
         ]
         for row in comparison.standings
     ]  # fmt: skip
-    if _beside_reference(comparison):
+    if _compares(comparison):
         heads.append("p")
         for cells, row in zip(rows, comparison.standings, strict=True):
             cells.append("-" if np.isnan(row.chance) else f"{row.chance:.2g}")
@@ -45,7 +45,7 @@ def targets(runs: Mapping[str, RecordedRun], comparison: Comparison) -> dict[str
     named = {
         level: comparison.goal if level == comparison.target else short(level) for level in levels
     }
-    reduced = ["K reduced", "time reduced"] if _beside_reference(comparison) else []
+    reduced = ["K reduced", "time reduced"] if _compares(comparison) else []
     return {
         "heads": ["run", "K", *reduced, "steps", "time", "each seed's K"],
         "levels": levels,
@@ -86,25 +86,25 @@ def _arrivals(
     runs: Mapping[str, RecordedRun], comparison: Comparison, level: float
 ) -> list[list[str]]:
     if level == comparison.target:
-        found: Sequence[Arrival] = comparison.standings
+        rows: Sequence[Arrival] = comparison.standings
     else:
         basis = runs[comparison.reference] if comparison.reference else None
-        found = [arrival_of(label, run, basis, level) for label, run in runs.items()]
-    return [_arrival(row, _beside_reference(comparison)) for row in found]
+        rows = [arrival_of(label, run, basis, level) for label, run in runs.items()]
+    return [_arrival(row, _compares(comparison)) for row in rows]
 
 
-def _arrival(row: Arrival, beside_reference: bool) -> list[str]:
+def _arrival(row: Arrival, compares: bool) -> list[str]:
     never = np.isnan(row.reached)
     saved = reduction((row.seconds_reduced, np.nan, np.nan))
     return [
         row.label,
         "never" if never else f"{row.reached:.0f}",
-        *([reduction(row.reduced), saved] if beside_reference else []),
+        *([reduction(row.reduced), saved] if compares else []),
         whole(row.env_steps),
         duration(row.seconds),
         ", ".join("never" if np.isnan(k) else f"{k:.0f}" for k in row.reached_each),
     ]
 
 
-def _beside_reference(comparison: Comparison) -> bool:
+def _compares(comparison: Comparison) -> bool:
     return comparison.reference is not None and len(comparison.standings) > 1

@@ -74,21 +74,23 @@ def _sections(task: TaskCard) -> dict[str, Settings]:
 
 def _defaults(task: TaskCard) -> dict[str, Any]:
     """Return the defaults of a card's settings, of those that have one."""
-    found = {}
+    defaults = {}
     for section, part in _sections(task).items():
         for key, field in type(part).model_fields.items():
             default = field.get_default(call_default_factory=True, validated_data={})
             if default is not PydanticUndefined:
-                found[f"{section}.{key}"] = list(default) if isinstance(default, tuple) else default
-    return found
+                defaults[f"{section}.{key}"] = (
+                    list(default) if isinstance(default, tuple) else default
+                )
+    return defaults
 
 
 def _sentences(task: TaskCard) -> dict[str, str]:
-    found = {}
+    sentences = {}
     for section, part in _sections(task).items():
         for key, sentence in type(part).sentences().items():
-            found[f"{section}.{key}"] = " ".join(sentence.split())
-    return found
+            sentences[f"{section}.{key}"] = " ".join(sentence.split())
+    return sentences
 
 
 def _text(settings: Mapping[str, Any], name: str) -> str:

@@ -22,7 +22,7 @@ class FoundTerms:
 
     weights: dict[str, float]
     """Their weighted sum was the reward in every step."""
-    unseen: tuple[str, ...] = ()
+    always_zero: tuple[str, ...] = ()
     """Those called rewards that were 0 in every step: part of the sum by their name alone."""
 
 
@@ -34,44 +34,44 @@ def find_terms(played: Played) -> FoundTerms:
     """
     numbers = {name: np.nan_to_num(column) for name, column in played.numbers.items()}
     called = [name for name in numbers if "reward" in name.lower()]
-    unseen = tuple(name for name in called if not numbers[name].any())
+    always_zero = tuple(name for name in called if not numbers[name].any())
     others = [name for name in numbers if name not in called]
     if np.ptp(played.rewards) == 0:
         others = []
-    seen = {name: numbers[name] for name in [*called, *others] if numbers[name].any()}
-    summed = _summed(played.rewards, seen, [name for name in called if name in seen])
-    summed = summed or _summed(played.rewards, seen, list(seen))
+    nonzero = {name: numbers[name] for name in [*called, *others] if numbers[name].any()}
+    summed = _summed(played.rewards, nonzero, [name for name in called if name in nonzero])
+    summed = summed or _summed(played.rewards, nonzero, list(nonzero))
     if summed:
-        return FoundTerms(dict.fromkeys([*summed, *unseen], 1.0), unseen)
+        return FoundTerms(dict.fromkeys([*summed, *always_zero], 1.0), always_zero)
     if np.ptp(played.rewards) == 0:
         return FoundTerms({})
-    return FoundTerms(_weighed(played.rewards, seen))
+    return FoundTerms(_weighed(played.rewards, nonzero))
 
 
 def _summed(
-    rewards: np.ndarray, seen: dict[str, np.ndarray], names: list[str]
+    rewards: np.ndarray, nonzero: dict[str, np.ndarray], names: list[str]
 ) -> tuple[str, ...] | None:
     """Return the largest group of these numbers that adds up to the rewards (B,), if any does."""
     if len(names) > MOST_SUMMED:
         return None
     for size in range(len(names), 0, -1):
         for group in combinations(names, size):
-            if _is_exact(rewards, [seen[name] for name in group]):
+            if _is_exact(rewards, [nonzero[name] for name in group]):
                 return group
     return None
 
 
-def _weighed(rewards: np.ndarray, seen: dict[str, np.ndarray]) -> dict[str, float]:
+def _weighed(rewards: np.ndarray, nonzero: dict[str, np.ndarray]) -> dict[str, float]:
     """Return the weights with which numbers add up to the rewards (B,); none where none do."""
     names = list[str]()
-    for name in list(seen)[:MOST_WEIGHED]:
-        columns = np.stack([seen[one] for one in [*names, name]], axis=1)
+    for name in list(nonzero)[:MOST_WEIGHED]:
+        columns = np.stack([nonzero[one] for one in [*names, name]], axis=1)
         scaled = columns / np.abs(columns).max(0)
         if np.linalg.matrix_rank(scaled, tol=1e-6 * np.sqrt(len(rewards))) == len(names) + 1:
             names.append(name)  # what others add up to has no weight of its own
     if not names or len(rewards) < 10 * len(names):
         return {}
-    columns = np.stack([seen[name] for name in names], axis=1)
+    columns = np.stack([nonzero[name] for name in names], axis=1)
     fitted = np.linalg.lstsq(columns, rewards, rcond=None)[0]
     parts = np.abs(fitted * columns).max(0)
     weights = {
@@ -79,7 +79,7 @@ def _weighed(rewards: np.ndarray, seen: dict[str, np.ndarray]) -> dict[str, floa
         for name, weight, part in zip(names, fitted, parts, strict=True)
         if part > EXACT * parts.max()
     }
-    exact = _is_exact(rewards, [weight * seen[name] for name, weight in weights.items()])
+    exact = _is_exact(rewards, [weight * nonzero[name] for name, weight in weights.items()])
     return weights if exact else {}
 
 

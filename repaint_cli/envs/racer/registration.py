@@ -37,8 +37,8 @@ class _WhenImported:
         if name != "gymnasium":
             return None
         others = (finder for finder in sys.meta_path if finder is not cls)
-        found = (finder.find_spec(name, path, target) for finder in others)
-        spec = next(filter(None, found), None)
+        specs = (finder.find_spec(name, path, target) for finder in others)
+        spec = next(filter(None, specs), None)
         if spec and spec.loader:
             execute = spec.loader.exec_module
 

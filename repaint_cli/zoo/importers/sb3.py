@@ -64,8 +64,8 @@ def read(path: Path) -> tuple[Imported, bool | None]:
         env_steps=_count(data, "num_timesteps"),
         versions={"stable-baselines3": _version(parts.get(VERSION, b""))},
     )  # fmt: skip
-    raw, seen = (bool(data.get(name)) for name in ("_last_original_obs", "_last_obs"))
-    return policy, True if raw else False if seen else None
+    raw, trained = (bool(data.get(name)) for name in ("_last_original_obs", "_last_obs"))
+    return policy, True if raw else False if trained else None
 
 
 def _dense(
