@@ -256,12 +256,12 @@ def test_compare_tells_runs_of_one_name_and_other_lengths_apart(repaint, home):
     repaint(*SCRATCH, "--run", "a/scratch")
     repaint(*SCRATCH, "--run", "b/scratch", "--seed", 3, "--iterations", 4)
     said = repaint("compare", "a/scratch", "b/scratch")
-    longer = "scratch (seeds 3, n_iterations 4)"
+    longer = "scratch (seed 3, n_iterations 4)"
     assert f"run 2 {longer}" in " ".join(said.out.split())
     assert "over 2 iterations" in " ".join(said.out.split())
     assert "warning: run 1 has only 2 of 4 iterations" in said.out
     printed = json.loads(repaint("compare", "a/scratch", "b/scratch", "--json").out)
-    assert [row["run"] for row in printed["runs"]] == ["scratch (seeds 0, n_iterations 2)", longer]
+    assert [row["run"] for row in printed["runs"]] == ["scratch (seed 0, n_iterations 2)", longer]
     first, second, *_ = column(home / "b" / "scratch", "eval_return")
     assert printed["runs"][1]["area"] == pytest.approx((first + second) / 2, rel=1e-4)
 

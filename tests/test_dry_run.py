@@ -43,7 +43,7 @@ def test_what_is_printed_is_the_card_that_would_be_trained(repaint, home, teache
         "# seeds: 0, 1",
         f"# teacher: old-hand, {teacher}",
         "#   ppo.n_iterations = 2 (card: 60)",
-        "#   net.hidden = (8,) (card: (64, 64))",
+        "#   net.hidden = [8] (card: [64, 64])",
         "#   transfer.instance = 0 (card: 1), by the method",
     ):
         assert f"{line}\n" in said.out

@@ -29,6 +29,8 @@ FAST, LATER = "ppo.learning_rate=0.001", "ppo.n_iterations=20"
          ["scratch (learning_rate 0.0003)", "scratch (learning_rate 0.001)"]),
         ([run(seeds=(0, 1, 2)), run("b", seeds=(3, 4, 5)), run("c", method="kickstart")],
          ["scratch (seeds 0-2)", "scratch (seeds 3-5)", "kickstart"]),
+        ([run(seeds=(3,)), run("b", seeds=(0, 2)), run("c", seeds=(4, 5))],
+         ["scratch (seed 3)", "scratch (seeds 0 2)", "scratch (seeds 4-5)"]),
         ([run(), run("b", FAST, LATER)],
          ["scratch (n_iterations 60, learning_rate 0.0003)",
           "scratch (n_iterations 20, learning_rate 0.001)"]),

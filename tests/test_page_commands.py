@@ -2,7 +2,6 @@
 
 import json
 import shlex
-import tomllib
 from pathlib import Path
 
 import pytest
@@ -10,9 +9,9 @@ from small_runs import QUICK, add_teacher
 from written_runs import climb, write_run
 
 from repaint_cli.files.atomic import sha256
-from repaint_cli.runs.command import as_argument, command_of, compare_command, toml_value
 from repaint_cli.runs.reader import read_run
 from repaint_cli.runs.record import TeacherRecord
+from repaint_cli.runs.run_command import command_of, compare_command
 from repaint_cli.zoo.store import shipped_file
 
 JOINED = "\\\n"
@@ -84,13 +83,5 @@ def test_long_commands_break_before_options(home):
 
 
 def test_no_path_is_taken_for_an_option():
-    assert as_argument(Path("-x")) == "./-x"
     text = compare_command([Path("-a"), Path("b c")], Path("-a"), -4.5, Path("-r"))
     assert text == "repaint compare ./-a 'b c' --reference ./-a --target=-4.5 --report ./-r"
-
-
-@pytest.mark.parametrize(
-    "value", [1, 0.5, True, 'a "b" \\ é', [1, [2.0]], {"a b": 1, "c": {"d": [True]}}]
-)
-def test_values_are_toml(value):
-    assert tomllib.loads(f"x = {toml_value(value)}") == {"x": value}

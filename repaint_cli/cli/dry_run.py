@@ -6,11 +6,11 @@ All that is printed is a card in TOML; what is no setting stands in comments.
 import os
 import shutil
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from repaint_cli.runs.plan import Plan
@@ -61,26 +61,20 @@ def _about(plan: "Plan", card: "TaskCard") -> Iterator[str]:
         from repaint_cli.files.paths import user_zoo
 
         yield f"teacher that it makes: {user_zoo() / plan.teacher_name}.safetensors"
-    given, carried_out = plan.task.model_dump(), plan.target.model_dump()
-    changes = list(_changes(card.model_dump(), given))
+    changes = list(_changes(card, plan.task))
     if plan.teachers:
-        changes += [f"{change}, by the method" for change in _changes(given, carried_out)]
+        changes += [f"{change}, by the method" for change in _changes(plan.task, plan.target)]
     yield f"settings that differ from the card: {'' if changes else 'none'}".rstrip()
     yield from (f"  {change}" for change in changes)
 
 
-def _changes(card: Mapping[str, Any], target: Mapping[str, Any], prefix: str = "") -> Iterator[str]:
-    """Yield the settings that are others than in the card, with both values."""
-    for name, value in target.items():
-        before = card.get(name)
-        if isinstance(value, Mapping) and isinstance(before, Mapping):
-            yield from _changes(before, value, f"{prefix}{name}.")
-        elif value != before:
-            yield f"{prefix}{name} = {_text(value)} (card: {_text(before)})"
+def _changes(before: "TaskCard", after: "TaskCard") -> Iterator[str]:
+    """Yield the settings that are others than in a card before, with both values."""
+    from repaint_cli.tasks.card_settings import differing, setting_text, settings_of
 
-
-def _text(value: Any) -> str:
-    return "absent" if value is None else str(value)
+    card, own = settings_of(before), settings_of(after)
+    for name in differing(card, own):
+        yield f"{name} = {setting_text(own, name)} (card: {setting_text(card, name)})"
 
 
 def _print_estimate(plans: "Sequence[Plan]", jobs: int) -> None:

@@ -1,8 +1,9 @@
 """What was meant, where words of a command line are none of its options and arguments."""
 
-import shlex
 from collections.abc import Mapping, Sequence
 from typing import Any
+
+from repaint_cli.files.commands import quoted
 
 
 def for_extra_words(
@@ -16,11 +17,11 @@ def for_extra_words(
         given: the values of the command's parameters, by name.
         arguments: what the command takes without an option.
     """
-    surplus = " ".join(map(shlex.quote, words))
+    surplus = " ".join(map(quoted, words))
     if arguments or "task" not in given:
         wanted = f"{' '.join(arguments)} and options" if arguments else "options alone"
         return f"expected {wanted}, found also: {surplus}."
-    *teachers, last = map(shlex.quote, words)
+    *teachers, last = map(quoted, words)
     options = [f"--teacher {word}" for word in teachers] if "teacher" in given else []
     is_teacher = given["task"] and "teacher" in given
     options.append(f"--teacher {last}" if is_teacher else f"--task {last}")

@@ -6,8 +6,8 @@ from repaint_cli.envs.gymnasium.found_terms import FoundTerms, find_terms
 from repaint_cli.envs.gymnasium.played import Played, play
 from repaint_cli.envs.gymnasium.simulator import GymnasiumSimulator
 from repaint_cli.envs.reward_terms import OWN_REWARD
+from repaint_cli.files.toml import toml_key, toml_line
 from repaint_cli.policies.spaces import Spaces
-from repaint_cli.tasks.card_text import key_text, line
 
 STEPS = 2048
 """Of a rollout."""
@@ -34,11 +34,11 @@ def new_card(env_id: str) -> str:
     lines = [
         f"# {env_id} has {spaces}, and at most {limit:,} steps an episode.",
         f"# It was played with random actions: {_how_played(played)}.",
-        line("summary", f"{env_id}, with its own reward."),
+        toml_line("summary", f"{env_id}, with its own reward."),
         "",
         "[env]",
         'simulator = "gymnasium"',
-        line("id", env_id),
+        toml_line("id", env_id),
         "",
         *_reward_lines(played, fitted),
         *network,
@@ -70,11 +70,11 @@ def _reward_lines(played: Played, fitted: FoundTerms) -> list[str]:
     """Return the section [reward], and how its weights were chosen."""
     weights = fitted.weights or {OWN_REWARD: 1.0}
     terms = [
-        f"{line(name, weight)} # {_span(played, name)} in a step"
+        f"{toml_line(name, weight)} # {_span(played, name)} in a step"
         + (": whether the reward has it is not known" if name in fitted.always_zero else "")
         for name, weight in weights.items()
     ]
-    left = [key_text(name) for name in played.numbers if name not in weights]
+    left = [toml_key(name) for name in played.numbers if name not in weights]
     others = [f"# Other numbers of its infos, without weight: {', '.join(left)}"] if left else []
     return [f"# {_how_chosen(played, fitted)}", "[reward]", *terms, *others]
 

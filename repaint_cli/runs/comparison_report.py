@@ -9,13 +9,13 @@ import numpy as np
 
 from repaint_cli.files.atomic import write_text
 from repaint_cli.report.statistics import bootstrap_mean
-from repaint_cli.runs.command import command_of, compare_command
 from repaint_cli.runs.comparison import COLUMNS, Comparison, as_row
 from repaint_cli.runs.figures import draw_curves
 from repaint_cli.runs.folder import PAGE
 from repaint_cli.runs.page import Values, write_page
 from repaint_cli.runs.page_files import PageFiles, pictures_of
 from repaint_cli.runs.reader import RecordedRun
+from repaint_cli.runs.run_command import command_of, compare_command
 from repaint_cli.runs.settings_shown import differing_settings
 
 PICTURES, TABLES = ("curves.png", "curves.svg"), ("comparison.csv", "curves.csv")

@@ -3,14 +3,17 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from repaint_cli.runs.command import toml_value
 from repaint_cli.runs.reader import RecordedRun
+from repaint_cli.tasks.card_settings import differing, setting_text, settings_of
 
 MOST = 3
 """Settings that a label names, unless more are needed to tell runs apart."""
 
 LONGEST = 24
 """Letters of a setting's value in a label."""
+
+SAME = ("env", "reward", "reward_code")
+"""Sections that are the same in all runs of one task."""
 
 
 def labels_of(runs: Sequence[RecordedRun]) -> list[str]:
@@ -29,39 +32,32 @@ def labels_of(runs: Sequence[RecordedRun]) -> list[str]:
 
 def _differing(runs: Sequence[RecordedRun]) -> list[list[str]]:
     """Return, run by run, texts about what differs between them; no two runs have the same."""
-    each = [_settings(run) for run in runs]
-    texts = {
-        name: [f"{_short_name(name, each)} {_text(settings, name)}" for settings in each]
-        for name in dict.fromkeys(name for settings in each for name in settings)
-    }
-    differing = sorted(
-        (column for column in texts.values() if len(set(column)) > 1),
+    each = [settings_of(run.task, SAME) for run in runs]
+    texts = [
+        [f"{_short_name(name, each)} {setting_text(own, name, LONGEST)}" for own in each]
+        for name in differing(*each)
+    ]
+    columns = sorted(
+        (column for column in ([_seeds(run) for run in runs], *texts) if len(set(column)) > 1),
         key=lambda column: -len(set(column)),
     )
     folders = _ends([str(run.folder).rstrip("/").split("/") for run in runs])
     words: list[list[str]] = [[] for _ in runs]
-    for n, column in enumerate([*differing, folders]):
-        alone = len({tuple(said) for said in words}) == len(runs)
+    for n, column in enumerate([*columns, folders]):
+        alone = len({tuple(own) for own in words}) == len(runs)
         if alone and (n >= MOST or column is folders):
             break
-        for said, text in zip(words, column, strict=True):
-            said.append(text)
+        for own, text in zip(words, column, strict=True):
+            own.append(text)
     return words
 
 
-def _settings(run: RecordedRun) -> dict[str, Any]:
-    """Return what may differ between runs of one task, by `section.key`."""
-    sections = run.task.model_dump(mode="json", exclude={"env", "reward", "reward_code"})
-    settings = {
-        f"{section}.{key}": value
-        for section, values in sections.items()
-        if isinstance(values, Mapping)
-        for key, value in values.items()
-    }
+def _seeds(run: RecordedRun) -> str:
     first, last = run.seeds[0], run.seeds[-1]
+    if len(run.seeds) == 1:
+        return f"seed {first}"
     in_a_row = run.seeds == list(range(first, last + 1))
-    seeds = f"{first}-{last}" if in_a_row and last > first else " ".join(map(str, run.seeds))
-    return {"seeds": seeds} | settings
+    return f"seeds {first}-{last}" if in_a_row else f"seeds {' '.join(map(str, run.seeds))}"
 
 
 def _short_name(name: str, each: Sequence[Mapping[str, Any]]) -> str:
@@ -69,12 +65,6 @@ def _short_name(name: str, each: Sequence[Mapping[str, Any]]) -> str:
     key = name.rpartition(".")[2]
     same = {other for settings in each for other in settings if other.rpartition(".")[2] == key}
     return key if len(same) == 1 else name
-
-
-def _text(settings: Mapping[str, Any], name: str) -> str:
-    value = settings.get(name)
-    text = value if isinstance(value, str) else toml_value(value)
-    return text if len(text) <= LONGEST else f"{text[: LONGEST - 1]}…"
 
 
 def _ends(paths: Sequence[Sequence[str]]) -> list[str]:

@@ -1,16 +1,16 @@
 """The page of one run, in its folder."""
 
-import shlex
 from pathlib import Path
 
 from repaint_cli.errors import CardError, StoreError
-from repaint_cli.runs.command import as_argument, command_of, shipped_card
+from repaint_cli.files.commands import command
 from repaint_cli.runs.comparison import comparison_of
 from repaint_cli.runs.comparison_words import duration, whole
 from repaint_cli.runs.folder import RUNS, RunFolder
 from repaint_cli.runs.page import Values, write_page
 from repaint_cli.runs.page_files import PageFiles, pictures_of
 from repaint_cli.runs.reader import RecordedRun, newest_run, read_run
+from repaint_cli.runs.run_command import command_of, shipped_card
 from repaint_cli.runs.settings_shown import chosen_settings
 
 
@@ -51,7 +51,7 @@ def run_page_if_possible(run: RecordedRun) -> tuple[list[Path], list[str]]:
         return [write_run_page(run)], []
     except Exception as error:
         why = " ".join(str(error).split()) or type(error).__name__
-        retry = f"repaint open {shlex.quote(as_argument(run.folder))}"
+        retry = command("repaint open {}", run.folder)
         return [], [f"there is no {run.files.page.name}: {why:.300}; to try again: {retry}"]
 
 
@@ -91,12 +91,12 @@ def _facts(run: RecordedRun) -> list[tuple[str, str]]:
 
 
 def _commands(run: RecordedRun) -> list[dict[str, str]]:
-    folder = shlex.quote(as_argument(run.folder))
     own = "" if shipped_card(run.task) else f" ({run.task.name}.toml stands for your own card)"
-    play = f"repaint eval {folder} --render-offscreen\nrepaint open {folder}"
+    play = ["repaint eval {} --render-offscreen", "repaint open {}"]
+    film = "\n".join(command(form, run.folder) for form in play)
     return [
         {"what": f"Begin such a run{own}:", "text": command_of(run.record, run.task)},
-        {"what": "Film its last policy, and see the film on this page:", "text": play},
+        {"what": "Film its last policy, and see the film on this page:", "text": film},
     ]
 
 

@@ -1,17 +1,16 @@
 """The commands that make a run or a comparison again."""
 
-import json
-import shlex
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import Any
 
 from repaint_cli.errors import RepaintError
 from repaint_cli.files.atomic import sha256
 from repaint_cli.files.commands import quoted
+from repaint_cli.files.toml import toml_value
 from repaint_cli.runs.record import RunRecord, TeacherRecord
 from repaint_cli.tasks.card import TaskCard
 from repaint_cli.tasks.card_files import read_task, shipped_tasks
+from repaint_cli.tasks.card_settings import differing, settings_of
 from repaint_cli.zoo import store
 
 LINE = 78
@@ -32,18 +31,18 @@ def command_of(record: RunRecord, task: TaskCard) -> str:
     A card of one's own is named as a file, NAME.toml: run.json holds what is in it.
     """
     card = shipped_card(task)
-    settings = None if card is None else _settings(card.model_dump(), task.model_dump())
+    settings = None if card is None else _settings(card, task)
     words = ["repaint", "transfer" if record.teacher_name is None else "train-teacher"]
-    words += ["--task", task.name if settings is not None else f"{task.name}.toml"]
+    words += ["--task", quoted(task.name if settings is not None else f"{task.name}.toml")]
     if record.teacher_name is None:
         words += ["--algorithm", record.algorithm] if record.algorithm != "ppo" else []
         words += ["--method", record.method, *_teachers(record.teachers)]
     elif record.teacher_name != task.name:
-        words += ["--name", record.teacher_name]
+        words += ["--name", quoted(record.teacher_name)]
     first, n = record.seeds[0], len(record.seeds)
     words += [*_unless(n, 1, "--seeds"), *_unless(first, 0, "--seed")]
     for setting in settings or ():
-        words += ["--set", setting]
+        words += ["--set", quoted(setting)]
     return _typed(words)
 
 
@@ -51,42 +50,19 @@ def compare_command(
     folders: Iterable[Path], reference: Path | None, target: float | None, report: Path
 ) -> str:
     """Return the command that compares runs' folders and writes a report."""
-    words = ["repaint", "compare", *map(as_argument, folders)]
-    words += [] if reference is None else ["--reference", as_argument(reference)]
+    words = ["repaint", "compare", *(quoted(str(folder)) for folder in folders)]
+    words += [] if reference is None else ["--reference", quoted(str(reference))]
     words += [] if target is None else [f"--target={float(target)!r}"]
-    return _typed([*words, "--report", as_argument(report)])
+    return _typed([*words, "--report", quoted(str(report))])
 
 
-def as_argument(path: Path) -> str:
-    """Return a path that no command takes for an option."""
-    return f"./{path}" if str(path).startswith("-") else str(path)
-
-
-def toml_value(value: Any) -> str:
-    """Write a value as TOML on one line; None, which TOML lacks, as the word."""
-    if isinstance(value, Mapping):
-        pairs = (f"{json.dumps(k, ensure_ascii=False)} = {toml_value(v)}" for k, v in value.items())
-        return f"{{{', '.join(pairs)}}}"
-    if isinstance(value, list | tuple):
-        return f"[{', '.join(map(toml_value, value))}]"
-    return "none" if value is None else json.dumps(value, ensure_ascii=False)
-
-
-def _settings(card: Mapping[str, Any], task: Mapping[str, Any]) -> list[str] | None:
+def _settings(card: TaskCard, task: TaskCard) -> list[str] | None:
     """Return what `--set` must change on a card, or None where it cannot say it."""
-    changed = list[str]()
-    for section, values in task.items():
-        basis = card[section]
-        if values == basis or section in ("name", "summary"):
-            continue
-        if not isinstance(values, Mapping) or not isinstance(basis, Mapping):
-            return None
-        for key in basis.keys() | values.keys():
-            if values.get(key) != basis.get(key):
-                if values.get(key) is None:
-                    return None
-                changed.append(f"{section}.{key}={toml_value(values[key])}")
-    return sorted(changed)
+    basis, own = settings_of(card), settings_of(task)
+    changed = sorted(differing(basis, own))
+    if any(name.startswith("reward_code.") or own.get(name) is None for name in changed):
+        return None
+    return [f"{name}={toml_value(own[name])}" for name in changed]
 
 
 def _teachers(teachers: Iterable[TeacherRecord]) -> Iterator[str]:
@@ -99,16 +75,16 @@ def _teachers(teachers: Iterable[TeacherRecord]) -> Iterator[str]:
             for other in (name, name + store.SHIPPED)
             if other in known and sha256(known[other]) == teacher.sha256
         )
-        name = next(same, teacher.file or teacher.name)
+        name = quoted(next(same, teacher.file or teacher.name))
         yield from ("--teacher", name)
         if teacher.instances and not all_act:
             yield from ("--instances-from", name)
 
 
 def _typed(words: Sequence[str]) -> str:
-    """Return a command as it is typed into a shell, on lines that end before an option."""
+    """Return a command of words that are quoted, on lines that end before an option."""
     lines = [""]
-    parts = [f" {shlex.quote(word) if word.isprintable() else quoted(word)}" for word in words]
+    parts = [f" {word}" for word in words]
     for i, part in enumerate(parts):
         whole = part + parts[i + 1] if words[i].startswith("--") and i + 1 < len(parts) else part
         if len(lines[-1] + whole) > LINE and words[i].startswith("--"):
