@@ -7,7 +7,8 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from repaint_cli.envs.racer.simulator import RacerSimulator
-from repaint_cli.tasks.card_files import read_task, shipped_tasks
+from repaint_cli.files.paths import shipped_tasks
+from repaint_cli.tasks.card_files import read_task
 
 N = 2
 ALWAYS_ALIVE = {"Ant-v5": 27}

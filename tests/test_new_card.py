@@ -10,7 +10,8 @@ from odd_envs import Odd
 from repaint_cli.cli.new_card import _rollout_lines
 from repaint_cli.envs.gymnasium.found_terms import find_terms
 from repaint_cli.envs.gymnasium.played import Played
-from repaint_cli.tasks.card_files import read_task, shipped_tasks
+from repaint_cli.files.paths import shipped_tasks
+from repaint_cli.tasks.card_files import read_task
 
 RNG = np.random.default_rng(0)
 A, B, C = RNG.normal(size=(3, 500))

@@ -12,7 +12,8 @@ import pytest
 import typer
 
 from repaint_cli.cli.app import app
-from repaint_cli.tasks.card_files import read_task, shipped_tasks
+from repaint_cli.files.paths import shipped_tasks
+from repaint_cli.tasks.card_files import read_task
 
 ROOT = Path(__file__).parents[1]
 RESULTS = (ROOT / "docs" / "results.md").read_text(encoding="utf-8")

@@ -7,8 +7,9 @@ from shutil import copyfile
 
 import pytest
 
+from repaint_cli.files.paths import shipped_tasks
 from repaint_cli.tasks.card import TaskCard
-from repaint_cli.tasks.card_files import read_task, shipped_tasks
+from repaint_cli.tasks.card_files import read_task
 from repaint_cli.tasks.similarity import cosine, relation
 from repaint_cli.zoo.store import teachers
 

@@ -10,8 +10,9 @@ import pytest
 from small_tasks import Reach, guess, reach
 
 from repaint_cli.errors import CardError, NotFound
+from repaint_cli.files.paths import shipped_tasks
 from repaint_cli.tasks.card import TaskCard
-from repaint_cli.tasks.card_files import read_task, shipped_tasks
+from repaint_cli.tasks.card_files import read_task
 from repaint_cli.tasks.card_text import to_toml
 
 TRACKS = Path(__file__).parents[1] / "tasks" / "racer" / "tracks"

@@ -22,7 +22,7 @@ LOOK = """
 from repaint_cli.envs.racer.track.files import load_track
 from repaint_cli.files import paths
 from repaint_cli.report.html import FOLDER
-from repaint_cli.tasks.card_files import shipped_tasks
+from repaint_cli.files.paths import shipped_tasks
 from repaint_cli.zoo.store import teachers
 assert "site-packages" in str(paths.PACKAGE), paths.PACKAGE
 assert {"page.html", "page.css", "page.js"} <= {path.name for path in FOLDER.iterdir()}

@@ -2,18 +2,20 @@
 
 import json
 import re
+from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 import torch
 from small_runs import REACHER, add_teacher, weights_of
 
 from repaint_cli.errors import CheckpointError, NotFound, RepaintError, StoreError, TeacherMismatch
-from repaint_cli.files.paths import shipped
+from repaint_cli.files.paths import shipped, shipped_tasks
 from repaint_cli.policies.networks import ActorCritic
 from repaint_cli.policies.spaces import Spaces
-from repaint_cli.tasks.card_files import read_task, shipped_tasks
+from repaint_cli.tasks.card_files import read_task
 from repaint_cli.zoo import store
-from repaint_cli.zoo.teacher_card import check_name, read_card
+from repaint_cli.zoo.teacher_card import Score, check_name, read_card
 
 SHIPPED = sorted(shipped("zoo").glob("*.safetensors"))
 
@@ -168,6 +170,25 @@ def test_zoo_verify_names_the_sound_and_the_damaged(repaint, folder):
     assert "broken: " in said.err
     assert "sound" not in said.err
     assert repaint("zoo", "verify", "sound").code == 0
+
+
+def test_a_file_is_yours_shipped_or_elsewhere(home, folder, monkeypatch):
+    mine = add_teacher(folder, "mine")
+    assert (store.own_file("mine"), store.whose(mine)) == (mine, "yours")
+    assert store.whose(SHIPPED[0]) == "shipped"
+    assert store.whose(add_teacher(home, "other")) == ""
+    monkeypatch.chdir(folder)
+    assert store.whose(Path("mine.safetensors")) == "yours"
+    for name in ("REPAINT_HOME", "XDG_DATA_HOME"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr(Path, "home", Mock(side_effect=RuntimeError))
+    assert [store.whose(path) for path in (mine, SHIPPED[0])] == ["", "shipped"]
+
+
+def test_a_score_reads_alike_everywhere():
+    score = Score(mean=-17.034, low=-17.351, high=-16.714, episodes=20)
+    assert str(score) == f"{score.interval} over 20 episodes"
+    assert score.interval == "-17.03 [-17.35, -16.71]"
 
 
 def test_zoo_list_survives_a_damaged_file(repaint, folder):

@@ -7,15 +7,14 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from repaint_cli.errors import RepaintError
+from repaint_cli.files.paths import shipped_tasks
 from repaint_cli.tasks.methods import ALGORITHMS, METHODS
 
 
 def tasks(incomplete: str) -> list[str]:
     """Return the shipped tasks, and cards in the present folder."""
-    from repaint_cli.files.paths import shipped
-
-    names = sorted(path.stem for path in shipped("tasks").rglob("*.toml"))
-    return _beginning(incomplete, [*names, *map(str, sorted(Path().glob("*.toml")))])
+    own = map(str, sorted(Path().glob("*.toml")))
+    return _beginning(incomplete, [*sorted(shipped_tasks()), *own])
 
 
 def teachers(incomplete: str) -> list[str]:

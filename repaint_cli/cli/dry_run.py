@@ -58,9 +58,9 @@ def _about(plan: "Plan", card: "TaskCard") -> Iterator[str]:
         yield f"teacher: {path.stem}, {path}{'' if acts else ', without its samples'}"
     yield f"folder: {plan.folder}{' (with the time at which it begins)' * plan.numbered}"
     if plan.teacher_name:
-        from repaint_cli.files.paths import user_zoo
+        from repaint_cli.zoo.store import own_file
 
-        yield f"teacher that it makes: {user_zoo() / plan.teacher_name}.safetensors"
+        yield f"teacher that it makes: {own_file(plan.teacher_name)}"
     changes = list(_changes(card, plan.task))
     if plan.teachers:
         changes += [f"{change}, by the method" for change in _changes(plan.task, plan.target)]

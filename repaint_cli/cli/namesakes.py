@@ -7,7 +7,6 @@ from pathlib import Path
 
 from repaint_cli.cli.console import plain
 from repaint_cli.errors import CheckpointError, StoreError
-from repaint_cli.files.paths import user_zoo
 from repaint_cli.zoo import store
 from repaint_cli.zoo.teacher_card import read_card
 
@@ -21,7 +20,7 @@ def of_used(files: Iterable[Path]) -> Iterator[str]:
 
 def of_planned(name: str) -> Iterator[str]:
     """Yield, before a teacher is trained, what it will replace or stand before."""
-    path = user_zoo() / f"{name}{store.SUFFIX}"
+    path = store.own_file(name)
     if path.is_file():
         yield f"this will replace your teacher '{name}'{_facts(path)}; --name keeps both"
     if shipped := store.shipped_namesake(path):

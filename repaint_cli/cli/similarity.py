@@ -35,7 +35,7 @@ def similarity(
     import repaint_cli
     from repaint_cli.cli.console import plain
     from repaint_cli.cli.namesakes import print_notes
-    from repaint_cli.tasks.card_files import shipped_tasks
+    from repaint_cli.files.paths import shipped_tasks
 
     def print_fit(name: str, fit: "Fit") -> None:
         if not as_json:

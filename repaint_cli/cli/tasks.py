@@ -38,7 +38,8 @@ def list_tasks() -> None:
         repaint tasks list | grep racer
     """
     from repaint_cli.cli.console import columns
-    from repaint_cli.tasks.card_files import read_task, shipped_tasks
+    from repaint_cli.files.paths import shipped_tasks
+    from repaint_cli.tasks.card_files import read_task
 
     cards = map(read_task, shipped_tasks())
     rows = [(c.name, c.env.simulator, training(c.ppo), c.summary) for c in cards]

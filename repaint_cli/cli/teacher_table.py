@@ -3,9 +3,8 @@
 from pathlib import Path
 
 from repaint_cli.cli.console import plain
-from repaint_cli.files.paths import shipped, user_zoo
 from repaint_cli.tasks.card import TaskCard
-from repaint_cli.zoo.store import name_of
+from repaint_cli.zoo.store import name_of, whose
 from repaint_cli.zoo.teacher_card import Score, TeacherCard
 
 WIDTH = 80
@@ -14,15 +13,13 @@ WIDTH = 80
 
 def lines(card: TeacherCard, path: Path) -> list[str]:
     """Return a teacher's facts, each in a line that is cut off where it is too long."""
-    places = {user_zoo().absolute(): "yours", shipped("zoo").absolute(): "shipped"}
-    place = places.get(path.parent.absolute(), "a file outside the zoo")
     parents = ", ".join(f"{parent[:12]}…" for parent in card.parents)
     trained = [
         f"{card.algorithm} {card.method}", f"seed {card.seed}", f"iteration {card.iteration}",
         f"{card.env_steps:,} steps", card.created[:10],
     ]  # fmt: skip
     facts = {
-        "teacher": f"{name_of(path, card)}, {place}",
+        "teacher": f"{name_of(path, card)}, {whose(path) or 'a file outside the zoo'}",
         "task": f"{card.task.name}: {card.task.summary}",
         "score": _score(card.score),
         "reward": _reward(card.task),
@@ -45,7 +42,7 @@ def _line(name: str, text: str) -> str:
 def _score(score: Score | None) -> str:
     if score is None:
         return "not measured"
-    text = f"{score.mean:.4g} [{score.low:.4g}, {score.high:.4g}] over {score.episodes} episodes"
+    text = str(score)
     if score.laps is not None and score.progress is not None:
         text += f", {score.laps} laps, progress {score.progress:.0f} %"
     return text

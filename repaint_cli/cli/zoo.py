@@ -11,7 +11,6 @@ from repaint_cli.cli.options import ReplaceFiles, Yes, argument, option
 from repaint_cli.cli.zoo_add import add
 from repaint_cli.errors import CardError, CheckpointError, some
 from repaint_cli.files.commands import command
-from repaint_cli.files.paths import user_zoo
 
 zoo = typer.Typer(no_args_is_help=True, help="List, show, check, add, export, remove teachers.")
 zoo.command("add", cls=HelpPage)(add)
@@ -40,27 +39,22 @@ def list_teachers(
         repaint zoo list --fits racer-outer
     """
     from repaint_cli.cli.console import columns
-    from repaint_cli.zoo.store import teachers
+    from repaint_cli.zoo.store import teachers, whose
 
-    known, home = teachers(), user_zoo()
+    known = teachers()
     names = _fitting(fits) if fits else list(known)
-    rows = [(name, *_summary(known[name]), _whose(known[name], home)) for name in names]
+    rows = [(name, *_summary(known[name]), whose(known[name])) for name in names]
     print(columns(("teacher", "task", "score [95 % CI]", "steps", "whose"), rows))
 
 
 def _summary(path: Path) -> tuple[str, str, str]:
-    from repaint_cli.zoo.teacher_card import read_summary
+    from repaint_cli.zoo.teacher_card import interval_text, read_summary
 
     try:
         task, score, steps = read_summary(path)
     except CheckpointError:
         return "damaged", "-", "-"
-    text = "{:.4g} [{:.4g}, {:.4g}]".format(*score) if score else "-"
-    return task, text, f"{steps:,}"
-
-
-def _whose(path: Path, home: Path) -> str:
-    return "yours" if path.parent == home else "shipped"
+    return task, interval_text(*score) if score else "-", f"{steps:,}"
 
 
 def _fitting(task: str) -> list[str]:

@@ -96,8 +96,7 @@ def add(options: AddOptions) -> None:
     name = new_teacher_name(options.name, options.replace)
     network, card = _read_own(options) if options.source is None else _import_policy(options)
     if options.source and card.score:
-        score = f"{card.score.mean:.4g} [{card.score.low:.4g}, {card.score.high:.4g}]"
-        out.print(f"score on {card.task.name}: {score} over {card.score.episodes} episodes")
+        out.print(f"score on {card.task.name}: {card.score}")
     card = card.model_copy(update={"name": name})
     path = store.add(network, 0, card, user_zoo(), replace=options.replace)
     target = options.task or card.task.name

@@ -14,6 +14,11 @@ def shipped(kind: str) -> Path:
     return installed if installed.is_dir() else PACKAGE.parent / kind
 
 
+def shipped_tasks() -> dict[str, Path]:
+    """Return the shipped cards by name, families together."""
+    return {path.stem: path for path in sorted(shipped("tasks").rglob("*.toml"))}
+
+
 def user_zoo() -> Path:
     """Return where the user's own teachers lie: $REPAINT_HOME/zoo, or in the XDG data folder.
 

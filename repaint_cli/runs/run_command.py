@@ -6,10 +6,11 @@ from pathlib import Path
 from repaint_cli.errors import RepaintError
 from repaint_cli.files.atomic import sha256
 from repaint_cli.files.commands import quoted
+from repaint_cli.files.paths import shipped_tasks
 from repaint_cli.files.toml import toml_value
 from repaint_cli.runs.record import RunRecord, TeacherRecord
 from repaint_cli.tasks.card import TaskCard
-from repaint_cli.tasks.card_files import read_task, shipped_tasks
+from repaint_cli.tasks.card_files import read_task
 from repaint_cli.tasks.card_settings import differing, settings_of
 from repaint_cli.zoo import store
 

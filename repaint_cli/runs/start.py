@@ -5,7 +5,6 @@ from dataclasses import replace
 from pathlib import Path
 
 from repaint_cli.errors import NotFound, StoreError, UsageError, some
-from repaint_cli.files.paths import user_zoo
 from repaint_cli.files.provenance import stamp
 from repaint_cli.runs.folder import RUNS
 from repaint_cli.runs.plan import Plan, plan_of
@@ -130,7 +129,7 @@ def new_teacher_name(name: str, replace: bool) -> str:
         StoreError: the name is invalid or taken.
     """
     check_name(name)
-    path = user_zoo() / f"{name}.safetensors"
+    path = store.own_file(name)
     if path.exists() and not replace:
         raise StoreError(
             f"your zoo has a teacher '{name}' already; give another name, or --replace it"

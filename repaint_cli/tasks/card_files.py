@@ -14,16 +14,11 @@ from repaint_cli.envs.registry import simulator_class
 from repaint_cli.errors import CardError, NotFound, reported_as
 from repaint_cli.files.commands import command
 from repaint_cli.files.limits import read_text, read_toml
-from repaint_cli.files.paths import shipped
+from repaint_cli.files.paths import shipped_tasks
 from repaint_cli.tasks.card import TaskCard
 
 ENV_ID = re.compile(r"-v\d+$")
 """How an id of Gymnasium's ends; no shipped task is called so."""
-
-
-def shipped_tasks() -> dict[str, Path]:
-    """Return the shipped cards by name, families together."""
-    return {path.stem: path for path in sorted(shipped("tasks").rglob("*.toml"))}
 
 
 def read_task(name: str) -> TaskCard:

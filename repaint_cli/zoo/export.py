@@ -19,7 +19,7 @@ from repaint_cli.files.foreign import check_replaceable
 from repaint_cli.policies.distributions import Gaussian
 from repaint_cli.policies.networks import ActorCritic
 from repaint_cli.zoo.model_card import markdown
-from repaint_cli.zoo.store import read_teacher
+from repaint_cli.zoo.store import SUFFIX, read_teacher
 from repaint_cli.zoo.teacher_card import TeacherCard
 
 OPSET = 20
@@ -46,7 +46,7 @@ def export(path: Path, folder: Path, *, onnx: bool = False, replace: bool = Fals
     if onnx:
         _require_onnx()
     name = path.stem
-    files = [folder / f"{name}.safetensors", folder / "card.json", folder / "README.md"]
+    files = [folder / f"{name}{SUFFIX}", folder / "card.json", folder / "README.md"]
     files += [folder / f"{name}.onnx"] if onnx else []
     check_replaceable(files, replace, "name another folder, or --replace it")
     with atomic_write(files[0]) as temporary:

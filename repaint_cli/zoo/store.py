@@ -77,7 +77,7 @@ def find(name: str) -> Path:
     if name not in known:
         if name.endswith(SHIPPED) and (path := shipped_file(name.removesuffix(SHIPPED))):
             return path
-        path = user_zoo() / f"{name}{SUFFIX}"
+        path = own_file(name)
         if NAME.fullmatch(name) and path.is_symlink():
             raise NotFound(
                 f"teacher '{name}' is a link that leads out of your zoo, to {path.readlink()}; "
@@ -85,6 +85,15 @@ def find(name: str) -> Path:
             )
         raise NotFound.named("teacher", name, known, "repaint zoo list")
     return known[name]
+
+
+def own_file(name: str) -> Path:
+    """Return where a teacher of the user's own lies, or would lie.
+
+    Raises:
+        StoreError: there is no home for it.
+    """
+    return user_zoo() / f"{name}{SUFFIX}"
 
 
 def shipped_file(name: str) -> Path | None:
@@ -95,17 +104,22 @@ def shipped_file(name: str) -> Path | None:
 
 def shipped_namesake(path: Path) -> str | None:
     """Return the NAME@shipped that a file of the user's zoo stands before, or None."""
-    if path.suffix != SUFFIX or not shipped_file(path.stem):
-        return None
+    before = path.suffix == SUFFIX and shipped_file(path.stem) and whose(path) == "yours"
+    return f"{path.stem}{SHIPPED}" if before else None
+
+
+def whose(path: Path) -> str:
+    """Return "yours" or "shipped" of a teacher's file in a zoo, "" of one that is elsewhere."""
+    folder = path.parent.absolute()
     with suppress(StoreError):  # there is no home, and no zoo of the user's
-        if path.parent.absolute() == user_zoo().absolute():
-            return f"{path.stem}{SHIPPED}"
-    return None
+        if folder == user_zoo().absolute():
+            return "yours"
+    return "shipped" if folder == shipped("zoo").absolute() else ""
 
 
 def name_of(path: Path, card: TeacherCard) -> str:
     """Return the name by which a teacher's file is found: NAME@shipped behind one of the user's."""
-    if path == shipped_file(path.stem) and (user_zoo() / path.name).exists():
+    if whose(path) == "shipped" and own_file(path.stem).exists():
         return f"{path.stem}{SHIPPED}"
     return card.name
 
@@ -117,7 +131,7 @@ def remove(name: str) -> Path:
         NotFound: there is no teacher of this name.
         StoreError: the teacher is shipped, or its file cannot be removed.
     """
-    path = user_zoo() / f"{name}{SUFFIX}"
+    path = own_file(name)
     if not NAME.fullmatch(name) or not os.path.lexists(path):
         if name in teachers() or name.endswith(SHIPPED):
             raise StoreError(f"'{name}' comes with repaint; only your own teachers can be removed")

@@ -4,8 +4,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from repaint_cli.errors import CardError, NotFound
+from repaint_cli.files.paths import shipped_tasks
 from repaint_cli.tasks.card import TaskCard
-from repaint_cli.tasks.card_files import check_no_environment, read_task, shipped_tasks
+from repaint_cli.tasks.card_files import check_no_environment, read_task
 from repaint_cli.zoo import store
 from repaint_cli.zoo.teacher_card import read_card
 

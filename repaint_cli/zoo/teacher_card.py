@@ -43,6 +43,15 @@ class Score(Settings):
     laps: int | None = None
     """Episodes that completed the lap."""
 
+    @property
+    def interval(self) -> str:
+        """The mean with its interval, as people write it."""
+        return interval_text(self.mean, self.low, self.high)
+
+    def __str__(self) -> str:
+        """Return it with the number of episodes."""
+        return f"{self.interval} over {self.episodes} episodes"
+
 
 class TeacherCard(Settings):
     """A teacher and its origin."""
@@ -120,6 +129,11 @@ class TeacherSummary(NamedTuple):
     score: tuple[float, float, float] | None
     """Mean, lower and upper end."""
     env_steps: int
+
+
+def interval_text(mean: float, low: float, high: float) -> str:
+    """Return a score's mean with its interval, as people write it."""
+    return f"{mean:.4g} [{low:.4g}, {high:.4g}]"
 
 
 def read_card(path: Path) -> TeacherCard:

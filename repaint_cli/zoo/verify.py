@@ -36,12 +36,11 @@ def verify(path: Path, *, again: bool = False) -> str:
         raise CheckpointError(f"it has {card.spaces}, its own task '{card.task.name}' {spaces}")
     if measured_again is None:
         return sound
-    measured = f"{measured_again.mean:.4g} [{measured_again.low:.4g}, {measured_again.high:.4g}]"
+    measured = measured_again.interval
     if card.score is None:
         return f"{sound}; its card has no score, measured {measured}"
     if not card.score.low <= measured_again.mean <= card.score.high:
         raise CheckpointError(
-            f"its card says a score of {card.score.mean:.4g} [{card.score.low:.4g}, "
-            f"{card.score.high:.4g}], measured {measured}"
+            f"its card says a score of {card.score.interval}, measured {measured}"
         )
     return f"{sound}; score {measured}, its card says {card.score.mean:.4g}"
