@@ -94,10 +94,10 @@ def test_a_library_to_import_from_is_a_line(repaint, home, monkeypatch):
     """A reader of its files, and a name for it in SOURCES."""
     teacher = add_teacher(home)
 
-    def read(file, card):
+    def read(file, card, spaces):
         network, _ = read_teacher(file)
         leaves = {name: leaf[0].detach() for name, leaf in network.weights.items()}
-        return Imported(network.spaces, card.net, leaves, "ppo"), False
+        return Imported(spaces, card.net, leaves, "ppo"), False
 
     monkeypatch.setitem(SOURCES, "ours", read)
     said = repaint("zoo", "add", "mine", teacher, "--from", "ours", "--task", "reacher")

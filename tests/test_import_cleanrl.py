@@ -10,6 +10,7 @@ from torch import nn
 from repaint_cli.errors import CheckpointError, TeacherMismatch, UsageError
 from repaint_cli.policies.spaces import Spaces
 from repaint_cli.zoo.importers import cleanrl
+from repaint_cli.zoo.importers.fit import environment_spaces
 from repaint_cli.zoo.importers.imported import as_teacher
 from repaint_cli.zoo.importers.statistics import statistics_of
 
@@ -65,10 +66,9 @@ def saved(tmp_path, agent, **changes):
 
 
 def imported(path, task, vecnormalize=None):
-    from repaint_cli.learn.evaluation import spaces_of
-
-    policy, seen = cleanrl.read(path, spaces_of(task))
-    return as_teacher(policy, statistics_of(path, vecnormalize, seen), "guest", task)
+    spaces = environment_spaces(task)
+    policy, seen = cleanrl.read(path, Spaces.of(*spaces))
+    return as_teacher(policy, statistics_of(path, vecnormalize, seen), "guest", task, spaces)
 
 
 def assert_same(agent, network, raw, seen):

@@ -22,7 +22,7 @@ MOTORS = Box(LOW, HIGH)
 
 def imported(path, task, **settings):
     policy, _ = sb3.read(path)
-    return as_teacher(policy, None, "guest", task, **settings)
+    return as_teacher(policy, None, "guest", task, fit.environment_spaces(task), **settings)
 
 
 def refusal(path, task, kind=TeacherMismatch, **settings):
@@ -143,14 +143,19 @@ def test_stacked_frames_are_refused_where_the_task_gives_one(tmp_path, obs):
 def test_other_bounds_of_observations_are_noticed():
     task = task_of(VECTOR, ACTIONS["box"])
     wide = fit.Bounds(np.full(5, -3.4e38), np.full(5, np.inf))
-    assert fit.observation_notice(None, task) is None
-    assert fit.observation_notice(wide, task) is None
+    assert notice(None, task) is None
+    assert notice(wide, task) is None
     one = fit.Bounds(np.full(5, -1.0), np.full(5, 1.0))
-    assert fit.observation_notice(one, task).startswith(
+    assert notice(one, task).startswith(
         "observation 1 of 5 was within [-1, 1] in training, is within [-inf, inf] in 'dream': if a"
     )
     pictures = task_of(PICTURE, ACTIONS["box"])
-    assert fit.observation_notice(one, pictures) is None
+    assert notice(one, pictures) is None
+
+
+def notice(bounds, task):
+    obs, _ = fit.environment_spaces(task)
+    return fit.observation_notice(bounds, obs, task.name)
 
 
 def test_a_state_dict_has_no_bounds_and_its_actions_are_clipped_by_the_task(tmp_path):
@@ -159,9 +164,10 @@ def test_a_state_dict_has_no_bounds_and_its_actions_are_clipped_by_the_task(tmp_
 
     path, task = saved_agent(tmp_path, Continuously()), task_of(VECTOR, MOTORS)
     policy, _ = cleanrl.read(path, fit.Spaces((5,), 3, False))
-    as_teacher(policy, None, "guest", task)
+    spaces = fit.environment_spaces(task)
+    as_teacher(policy, None, "guest", task, spaces)
     with pytest.raises(UsageError, match="a file that has the bounds of continuous actions"):
-        as_teacher(policy, None, "guest", task, rescale=True)
+        as_teacher(policy, None, "guest", task, spaces, rescale=True)
 
 
 CARD = """

@@ -17,6 +17,7 @@ from torch import nn
 from repaint_cli.errors import CheckpointError, TeacherMismatch, UsageError
 from repaint_cli.zoo import store
 from repaint_cli.zoo.importers import sb3
+from repaint_cli.zoo.importers.fit import environment_spaces
 from repaint_cli.zoo.importers.imported import as_teacher
 from repaint_cli.zoo.importers.statistics import statistics_of
 
@@ -38,7 +39,8 @@ CNNS = {
 
 def imported(path, task, vecnormalize=None):
     policy, seen = sb3.read(path)
-    return as_teacher(policy, statistics_of(path, vecnormalize, seen), "guest", task)
+    spaces = environment_spaces(task)
+    return as_teacher(policy, statistics_of(path, vecnormalize, seen), "guest", task, spaces)
 
 
 def saved(tmp_path, source):

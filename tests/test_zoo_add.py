@@ -9,6 +9,7 @@ from small_runs import QUICK, add_teacher, files_below, weights_of
 
 from repaint_cli.errors import UsageError
 from repaint_cli.files.paths import PACKAGE
+from repaint_cli.tasks.task import Task
 from repaint_cli.zoo import store
 from repaint_cli.zoo.teacher_card import read_card
 
@@ -79,7 +80,7 @@ def test_options_that_do_not_go_together_and_files_that_are_not_there(repaint, h
     refused(repaint, 5, "expected a safetensors file at x.zip, found none", "a", "x.zip")
 
 
-def test_a_policy_trained_elsewhere_is_added_verified_and_taught_by(repaint, home):
+def test_a_policy_trained_elsewhere_is_added_verified_and_taught_by(repaint, home, monkeypatch):
     import gymnasium
     from stable_baselines3 import PPO
     from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
@@ -91,8 +92,13 @@ def test_a_policy_trained_elsewhere_is_added_verified_and_taught_by(repaint, hom
     venv.save("vec.pkl")
     command = ["zoo", "add", "guest", "model.zip", "--from", "sb3", "--task", "reacher"]
     refused(repaint, UsageError.exit_code, "saw normalised observations", *command[2:])
+    make_env, made = Task.make_env, []
+    monkeypatch.setattr(
+        Task, "make_env", lambda task, n, **how: made.append(n) or make_env(task, n, **how)
+    )
     said = repaint(*command, "--vecnormalize", "vec.pkl")
     assert said.code == 0, said.err
+    assert made == [1, 1, 100]  # its terms, its spaces, and its score
     assert re.search(r"score on reacher: -\d+\.?\d* \[-.*\] over 100 episodes", said.out)
     assert repaint("zoo", "verify", "guest").out == "guest: sound\n"
     assert "guest" in repaint("zoo", "list", "--fits", "reacher").out

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from repaint_cli.policies.networks import ActorCritic
+    from repaint_cli.policies.spaces import Spaces
     from repaint_cli.tasks.card import TaskCard
     from repaint_cli.zoo.importers.imported import Imported
     from repaint_cli.zoo.teacher_card import TeacherCard
@@ -19,25 +20,25 @@ if TYPE_CHECKING:
 IMPORT = "A policy of another library"
 
 
-def _read_sb3(file: Path, _: "TaskCard") -> "tuple[Imported, bool | None]":
+def _read_sb3(file: Path, *_: object) -> "tuple[Imported, bool | None]":
     from repaint_cli.zoo.importers import sb3
 
     return sb3.read(file)
 
 
-def _read_cleanrl(file: Path, card: "TaskCard") -> "tuple[Imported, bool | None]":
-    from repaint_cli.learn.evaluation import spaces_of
+def _read_cleanrl(file: Path, _: "TaskCard", spaces: "Spaces") -> "tuple[Imported, bool | None]":
     from repaint_cli.zoo.importers import cleanrl
 
-    return cleanrl.read(file, spaces_of(card))
+    return cleanrl.read(file, spaces)
 
 
-SOURCES: "dict[str, Callable[[Path, TaskCard], tuple[Imported, bool | None]]]" = {
+SOURCES: "dict[str, Callable[[Path, TaskCard, Spaces], tuple[Imported, bool | None]]]" = {
     "sb3": _read_sb3,
     "cleanrl": _read_cleanrl,
 }
-"""Other libraries, and what reads their policies: from a file and the card of its task, into
-the policy, and whether it was trained on normalised observations, where that is known."""
+"""Other libraries, and what reads their policies: from a file, the card of its task and what
+policies of that read and write, into the policy, and whether it was trained on normalised
+observations, where that is known."""
 
 
 class AddOptions(NamedTuple):
@@ -130,8 +131,9 @@ def _import_policy(options: AddOptions) -> "tuple[ActorCritic, TeacherCard]":
     """
     from repaint_cli.cli.console import literal
     from repaint_cli.cli.printing import out
+    from repaint_cli.policies.spaces import Spaces
     from repaint_cli.tasks.card_files import read_task
-    from repaint_cli.zoo.importers.fit import observation_notice
+    from repaint_cli.zoo.importers.fit import environment_spaces, observation_notice
     from repaint_cli.zoo.importers.imported import as_teacher
     from repaint_cli.zoo.importers.statistics import statistics_of
 
@@ -141,9 +143,12 @@ def _import_policy(options: AddOptions) -> "tuple[ActorCritic, TeacherCard]":
     if options.task is None:
         raise UsageError(f"expected the --task that {file} was trained on, found none")
     card = read_task(options.task)
-    policy, normalised = SOURCES[source](file, card)
+    spaces = environment_spaces(card)
+    policy, normalised = SOURCES[source](file, card, Spaces.of(*spaces))
     statistics = statistics_of(file, options.vecnormalize, normalised)
-    teacher = as_teacher(policy, statistics, options.name, card, rescale=options.rescale_actions)
-    if notice := observation_notice(policy.obs_bounds, card):
+    teacher = as_teacher(
+        policy, statistics, options.name, card, spaces, rescale=options.rescale_actions
+    )
+    if notice := observation_notice(policy.obs_bounds, spaces[0], card.name):
         out.print(f"[yellow]warning:[/yellow] {literal(notice)}")
     return teacher

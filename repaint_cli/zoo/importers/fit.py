@@ -13,6 +13,7 @@ import torch
 from torch import Tensor
 
 from repaint_cli.errors import TeacherMismatch
+from repaint_cli.learn.evaluation import spaces_of
 from repaint_cli.policies.spaces import Spaces
 from repaint_cli.tasks.card import TaskCard
 
@@ -47,7 +48,12 @@ class Bounds:
 def environment_spaces(
     task: TaskCard,
 ) -> tuple[gymnasium.Space, gymnasium.Space]:  # type: ignore[type-arg]
-    """Return the spaces of a task's environment: of observations, and of actions."""
+    """Return the spaces of a task's environment: of observations, and of actions.
+
+    Raises:
+        CardError: see `spaces_of`.
+    """
+    spaces_of(task)
     env = task.make_env(1)
     env.close()
     return env.single_observation_space, env.single_action_space
@@ -87,13 +93,16 @@ def other_bounds(bounds: Bounds, space: Bounds) -> str | None:
     )
 
 
-def observation_notice(bounds: Bounds | None, task: TaskCard) -> str | None:
+def observation_notice(
+    bounds: Bounds | None,
+    obs: gymnasium.Space,  # type: ignore[type-arg]
+    task: str,
+) -> str | None:
     """Return what people should know where a task's observations have other bounds.
 
     Versions of one environment differ in bounds that change nothing; a wrapper that scales
     observations shows in no other place.
     """
-    obs, _ = environment_spaces(task)
     if bounds is None or not isinstance(obs, gymnasium.spaces.Box) or len(obs.shape) != 1:
         return None
     here, there = (_where_finite(each) for each in (Bounds.of(obs), bounds))
@@ -102,7 +111,7 @@ def observation_notice(bounds: Bounds | None, task: TaskCard) -> str | None:
         return None
     return (
         f"observation {i + 1} of {len(here.low)} was within {there.text(i)} in training, is within "
-        f"{here.text(i)} in '{task.name}': if a wrapper scaled it, the policy acts otherwise here; "
+        f"{here.text(i)} in '{task}': if a wrapper scaled it, the policy acts otherwise here; "
         "see whether the score is right"
     )
 

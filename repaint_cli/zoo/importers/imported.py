@@ -10,7 +10,6 @@ from torch import Tensor
 
 from repaint_cli.errors import TeacherMismatch, UsageError
 from repaint_cli.files.provenance import versions
-from repaint_cli.learn.evaluation import spaces_of
 from repaint_cli.policies import weights
 from repaint_cli.policies.architecture import NetConfig
 from repaint_cli.policies.networks import ActorCritic
@@ -53,6 +52,7 @@ def as_teacher(
     statistics: Statistics | None,
     name: str,
     task: TaskCard,
+    env_spaces: tuple[gymnasium.Space, gymnasium.Space],  # type: ignore[type-arg]
     *,
     rescale: bool = False,
 ) -> tuple[ActorCritic, TeacherCard]:
@@ -63,6 +63,7 @@ def as_teacher(
         statistics: of its normalised observations; None where it normalises none.
         name: of the teacher.
         task: that it was trained on.
+        env_spaces: of the task's observations and actions, see `environment_spaces`.
         rescale: whether its actions are to be rescaled from its bounds to the task's.
 
     Raises:
@@ -70,7 +71,7 @@ def as_teacher(
         UsageError: statistics are given for a policy of images, or actions cannot be rescaled.
         CardError: the task's environment cannot be made.
     """
-    spaces, (net, normalizer) = spaces_of(task), _normalizer(policy, statistics)
+    spaces, (net, normalizer) = Spaces.of(*env_spaces), _normalizer(policy, statistics)
     card = TeacherCard(
         name=name,
         task=task.model_copy(update={"net": net}),
@@ -89,20 +90,26 @@ def as_teacher(
     if problem:
         raise TeacherMismatch(f"{problem}; give the --task it was trained on")
     _check_leaves(policy, card)
-    policy = _fitted(policy, card, rescale=rescale)
+    policy = _fitted(policy, f"teacher '{name}'", *env_spaces, rescale=rescale)
     network = ActorCritic(spaces, net, 1)
     weights.load_policy(network, policy.leaves | normalizer, f"teacher '{name}'")
     return network, card.model_copy(update={"score": score(network, task, policy.seed)})
 
 
-def _fitted(policy: Imported, card: TeacherCard, *, rescale: bool) -> Imported:
-    """Return the policy with the actions of its card's task.
+def _fitted(
+    policy: Imported,
+    where: str,
+    obs: gymnasium.Space,  # type: ignore[type-arg]
+    action: gymnasium.Space,  # type: ignore[type-arg]
+    *,
+    rescale: bool,
+) -> Imported:
+    """Return the policy with the actions of a task.
 
     Raises:
         TeacherMismatch: it reads other pixels, or its actions have other bounds.
         UsageError: its bounds, to rescale from, are not known.
     """
-    where, (obs, action) = f"teacher '{card.name}'", fit.environment_spaces(card.task)
     if policy.spaces.image and (problem := fit.other_pixels(obs)):
         raise TeacherMismatch(f"{where}: {problem}")
     if policy.bounds is None or not isinstance(action, gymnasium.spaces.Box):
