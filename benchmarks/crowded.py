@@ -87,12 +87,12 @@ SIDES = {
 }  # fmt: skip
 
 
-def tables(found: Measurements) -> Iterator[Table]:
+def tables(measured: Measurements) -> Iterator[Table]:
     """Yield a table per training, a row per crowd."""
     for training in TRAININGS:
         rows = []
         for crowd in CROWDS:
-            ours, single = (found[f"{training}, {crowd}, {name}"] for name in THREADS)
+            ours, single = (measured[f"{training}, {crowd}, {name}"] for name in THREADS)
             rows.append(
                 (str(crowd), median(ours, ".1f"), median(single, ".1f"), span(ours / single, ".2f"))
             )

@@ -179,17 +179,17 @@ def run(row: Row, task: str, plan: tuple[str, str, str], folder: Path) -> Path:
 
 def lines(label: str, folder: Path, target: float) -> Iterator[dict[str, object]]:
     """Yield a line per seed: return and lap progress at the marks, area, iterations to target."""
-    found = read_run(folder)
-    returns, reached = found.returns, iterations_to(found.returns, target)
-    for s, seed in enumerate(found.seeds):
+    recorded = read_run(folder)
+    returns, reached = recorded.returns, iterations_to(recorded.returns, target)
+    for s, seed in enumerate(recorded.seeds):
         line: dict[str, object] = {"row": label, "seed": seed}
         for k in (k for k in MARKS if k <= returns.shape[1]):
             line[f"return_{k}"] = f"{returns[s, k - 1]:.4g}"
-            if found.progress is not None:
-                line[f"progress_{k}"] = f"{found.progress[s, k - 1]:.3g}"
+            if recorded.progress is not None:
+                line[f"progress_{k}"] = f"{recorded.progress[s, k - 1]:.3g}"
         line["area"] = f"{area_under_curve(returns)[s]:.4g}"
         line["to_target"] = "" if np.isnan(reached[s]) else int(reached[s])
-        kept = found.rows["kept_fraction"][s]
+        kept = recorded.rows["kept_fraction"][s]
         line["kept"] = "" if np.isnan(kept).all() else f"{np.nanmean(kept):.3f}"
         yield line
 

@@ -95,11 +95,11 @@ SIDES: dict[str, Callable[[], float]] = {
 }
 
 
-def tables(found: Measurements) -> Iterator[Table]:
+def tables(measured: Measurements) -> Iterator[Table]:
     """Yield every side beside the one by hand."""
     rows = []
-    for side, taken in found.items():
-        least = found[f"{side.split(', ')[0]}, by hand"]
+    for side, taken in measured.items():
+        least = measured[f"{side.split(', ')[0]}, by hand"]
         rows.append((side, median(taken, ".1f"), span(taken / least, ".1f")))
     yield Table(("piece", "µs", ": by hand"), rows)
 

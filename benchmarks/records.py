@@ -105,11 +105,11 @@ SIDES: dict[str, Callable[[], float]] = {
 }
 
 
-def tables(found: Measurements) -> Iterator[Table]:
+def tables(measured: Measurements) -> Iterator[Table]:
     """Yield a row per kind of run."""
     rows = []
     for kind in RUNS:
-        fresh, late = found[f"{kind}, 0 behind"], found[f"{kind}, {BEHIND:,} behind"]
+        fresh, late = measured[f"{kind}, 0 behind"], measured[f"{kind}, {BEHIND:,} behind"]
         rows.append((kind, median(fresh, ".1f"), median(late, ".1f"), span(late / fresh, ".2f")))
     columns = ("ms for an iteration's record", "fresh", f"{BEHIND:,} behind", "late : fresh")
     yield Table(columns, rows)

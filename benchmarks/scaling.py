@@ -93,12 +93,13 @@ QUESTIONS: dict[str, dict[str, Callable[[], float]]] = {
 SIDES = {side: measure for rows in QUESTIONS.values() for side, measure in rows.items()}
 
 
-def tables(found: Measurements) -> Iterator[Table]:
+def tables(measured: Measurements) -> Iterator[Table]:
     """Yield a table per question."""
     for title, sides in QUESTIONS.items():
-        first = found[next(iter(sides))]
+        first = measured[next(iter(sides))]
         rows = [
-            (side, median(found[side], ".0f"), span(found[side] / first, ".2f")) for side in sides
+            (side, median(measured[side], ".0f"), span(measured[side] / first, ".2f"))
+            for side in sides
         ]
         yield Table((title, "", ": first"), rows)
 

@@ -92,25 +92,25 @@ def sides() -> dict[str, Callable[[], float]]:
 SIDES = sides()
 
 
-def tables(found: Measurements) -> Iterator[Table]:
+def tables(measured: Measurements) -> Iterator[Table]:
     """Yield the racer beside CarRacing, what threads and pictures make, and MuJoCo."""
     rows = []
-    for side, rates in found.items():
+    for side, rates in measured.items():
         if not side.startswith(IDS):
-            beside = span(rates / found["CarRacing-v3"], ".1f")
-            rows.append((side, median(rates, ",.0f"), beside, median(rates / DEEPRACER, ",.0f")))
+            ratio = span(rates / measured["CarRacing-v3"], ".1f")
+            rows.append((side, median(rates, ",.0f"), ratio, median(rates / DEEPRACER, ",.0f")))
     yield Table(("cars", "steps/s", ": CarRacing", ": DeepRacer"), rows)
     rows = []
     for kind in KINDS:
-        one, two, blind = (found[f"{kind}: 64{how}"] for how in HOW)
+        one, two, blind = (measured[f"{kind}: 64{how}"] for how in HOW)
         rows.append((kind, span(two / one, ".2f"), span(1 - one / blind, ".0%")))
     yield Table(("64 cars", "two threads : one", "time for pictures"), rows)
     rows = []
     for env_id in IDS:
         for n in SIZES[:-1]:
-            ours, theirs = (found[f"{env_id}: {n}, {backend}"] for backend in BACKENDS)
-            rates = (median(ours, ",.0f"), median(theirs, ",.0f"))
-            rows.append((f"{env_id}: {n}", *rates, span(ours / theirs, ".1f")))
+            envpool, gymnasium = (measured[f"{env_id}: {n}, {backend}"] for backend in BACKENDS)
+            rates = (median(envpool, ",.0f"), median(gymnasium, ",.0f"))
+            rows.append((f"{env_id}: {n}", *rates, span(envpool / gymnasium, ".1f")))
     yield Table(("copies, steps/s", *BACKENDS, "ratio"), rows)
 
 

@@ -85,17 +85,17 @@ def sides() -> dict[str, Callable[[], float]]:
 SIDES = sides()
 
 
-def tables(found: Measurements) -> Iterator[Table]:
+def tables(measured: Measurements) -> Iterator[Table]:
     """Yield whole processes beside the reference, then first iterations."""
     rows = []
-    for side, seconds in found.items():
+    for side, seconds in measured.items():
         if not side.endswith(("cold", "warm")):
-            ratio = span(seconds / found[REFERENCE], ".2f")
+            ratio = span(seconds / measured[REFERENCE], ".2f")
             rows.append((side, median(1000 * seconds, ".0f"), ratio))
     yield Table(("a whole process", "ms", ": the first"), rows)
     rows = []
     for task in FIRST:
-        cold, warm = found[f"{task}, cold"], found[f"{task}, warm"]
+        cold, warm = measured[f"{task}, cold"], measured[f"{task}, warm"]
         rows.append((task, span(cold, ".1f"), span(warm, ".1f"), span(cold - warm, ".1f")))
     yield Table(("one iteration, s", "cold", "warm", "compiling"), rows)
 

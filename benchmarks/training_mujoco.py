@@ -148,15 +148,15 @@ def sides_of(task: str) -> dict[str, Callable[[], float]]:
 SIDES = sides_of("reacher") | sides_of("ant")
 
 
-def tables(found: Measurements) -> Iterator[Table]:
+def tables(measured: Measurements) -> Iterator[Table]:
     """Yield a table per task."""
     for task in ENV_IDS:
-        one, eight, every = (found[f"{task}, sb3, {n}"] for n in SB3)
+        one, eight, every = (measured[f"{task}, sb3, {n}"] for n in SB3)
         rows = []
-        for side, rates in found.items():
+        for side, rates in measured.items():
             if side.startswith(task):
                 ratios = (span(rates / np.maximum(one, eight), ".2f"), median(rates / every, ".2f"))
-                limit = median(rates / found[f"{task}, bound"], ".0%")
+                limit = median(rates / measured[f"{task}, bound"], ".0%")
                 rows.append((side, median(rates, ",.0f"), *ratios, limit))
         yield Table(("training", "steps/s", ": sb3's best", ": one a core", ": bound"), rows)
 

@@ -142,11 +142,11 @@ HOW = {"sb3": sb3, "repaint": repaint, "bound": bound}
 SIDES = {f"pool {pool}: {side}": partial(f, pool) for pool in POOLS for side, f in HOW.items()}
 
 
-def tables(found: Measurements) -> Iterator[Table]:
+def tables(measured: Measurements) -> Iterator[Table]:
     """Yield a row per size of the picture."""
     rows = []
     for pool in POOLS:
-        slow, ours, least = (found[f"pool {pool}: {side}"] for side in HOW)
+        slow, ours, least = (measured[f"pool {pool}: {side}"] for side in HOW)
         times = (median(one, ".2f") for one in (slow, ours, least))
         rows.append(
             (f"net.pool {pool}", *times, span(slow / ours, ".2f"), span(ours / least, ".2f"))

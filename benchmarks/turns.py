@@ -51,10 +51,10 @@ def run(
     if chosen.side:
         print(json.dumps(sides[chosen.side]()))
         return
-    found = in_turns(script, sides, chosen.rounds)
+    measured = in_turns(script, sides, chosen.rounds)
     if chosen.keep:
-        keep(found, script)
-    for table in tables(found):
+        keep(measured, script)
+    for table in tables(measured):
         Console().print(drawn(table))
         print()
     print(f"{chosen.rounds} rounds: median, or median [range]")
@@ -62,17 +62,17 @@ def run(
 
 def in_turns(script: str, sides: Iterable[str], rounds: int) -> Measurements:
     """Let a script measure each side in turn, A B A B; return what `--side NAME` printed."""
-    found: dict[str, list[float]] = {side: [] for side in sides}
+    measured: dict[str, list[float]] = {side: [] for side in sides}
     for k in range(rounds):
-        for side in found:
+        for side in measured:
             print(f"\rround {k + 1} of {rounds}: {side:50}", end="", file=sys.stderr)
             command = [sys.executable, script, "--side", side]
             done = subprocess.run(command, capture_output=True, text=True, check=False)
             if done.returncode:
                 sys.exit(f"\n{side}:\n{done.stderr}")
-            found[side].append(float(json.loads(done.stdout.splitlines()[-1])))
+            measured[side].append(float(json.loads(done.stdout.splitlines()[-1])))
     print("\r" + " " * 72, end="\r", file=sys.stderr)
-    return {side: np.array(numbers) for side, numbers in found.items()}
+    return {side: np.array(numbers) for side, numbers in measured.items()}
 
 
 def file_of(script: str) -> Path:
@@ -80,10 +80,10 @@ def file_of(script: str) -> Path:
     return RESULTS / f"{Path(script).stem}.csv"
 
 
-def keep(found: Measurements, script: str) -> None:
+def keep(measured: Measurements, script: str) -> None:
     """Write measurements, a line a side."""
     with file_of(script).open("w", newline="", encoding="utf-8") as file:
-        rows = ([side, *(f"{n:.6g}" for n in numbers)] for side, numbers in found.items())
+        rows = ([side, *(f"{n:.6g}" for n in numbers)] for side, numbers in measured.items())
         csv.writer(file, lineterminator="\n").writerows(rows)
 
 

@@ -1,8 +1,9 @@
 """This process and its children: nothing in the current folder is read as code or as settings.
 
 Both ways to start repaint call `prepare` before they import what is installed, and so does every
-child, for which this file is the program (`command`). Until the current folder is off the search
-path, nothing may be imported here but modules that the interpreter carries within it (frozen).
+child, for which this file is the program (`child_command`). Until the current folder is off the
+search path, nothing may be imported here but modules that the interpreter carries within it
+(frozen).
 Whoever imports `repaint_cli` as a library keeps their search path and settings.
 """
 
@@ -46,13 +47,13 @@ def environment() -> dict[str, str]:
     return settings
 
 
-def threads(n: int) -> dict[str, str]:
+def thread_limits(n: int) -> dict[str, str]:
     """Return the environment variables that give the libraries of a child so many threads."""
     names = ("OMP", "OPENBLAS", "MKL", "BLIS", "VECLIB", "NUMBA", "NUMEXPR")
     return {f"{name}_NUM_THREADS": str(n) for name in names}
 
 
-def command(module: str, *words: str) -> list[str]:
+def child_command(module: str, *words: str) -> list[str]:
     """Return the command of a child that runs one of our modules, as if typed with `words`.
 
     It finds modules where this process does, but for the current folder of an interactive one.

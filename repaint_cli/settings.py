@@ -58,9 +58,9 @@ def first_problem(error: ValidationError) -> str:
     where = f"{'.'.join(loc):.200}"
     if problem["type"] == "extra_forbidden":
         return f"{UNKNOWN_KEY}{where}'"
-    found = "" if problem["type"] == "missing" else f", found {problem['input']!r:.100}"
+    value = "" if problem["type"] == "missing" else f", found {problem['input']!r:.100}"
     wanted = problem["msg"].removeprefix("Value error, ").replace("Input should be", "expected")
-    return f"{where}: {wanted:.200}{found}"
+    return f"{where}: {wanted:.200}{value}"
 
 
 class PPOConfig(Settings):

@@ -8,7 +8,7 @@ import pytest
 from small_runs import QUICK, add_teacher
 
 from repaint_cli.learn.stats import IterationStats
-from repaint_cli.runs.alarms import alarms_of, reference_beside
+from repaint_cli.runs.alarms import alarms_of, reference_of
 from repaint_cli.runs.metrics import Report
 from repaint_cli.tasks.card_files import read_task
 
@@ -90,22 +90,22 @@ def test_the_newest_run_from_scratch_beside_a_run_is_its_reference(repaint, home
         home / "runs" / "new",
         read_task("reacher").with_settings(["ppo.n_steps=204", "ppo.n_envs=4", "eval.episodes=2"]),
     )
-    assert reference_beside(folder, card, "ppo") is None
+    assert reference_of(folder, card, "ppo") is None
     repaint(*SCRATCH, "--run", "runs/one")
     repaint(*SCRATCH, "--run", "runs/other", "--set", "reward.reward_ctrl=2")
     (home / "runs" / "damaged").mkdir()
     (home / "runs" / "damaged" / "run.json").write_text("{")
     repaint(*SCRATCH, "--run", "runs/newest", "--seeds", 2)
     os.utime(home / "runs" / "one" / "run.json", (1, 1))
-    assert reference_beside(folder, card, "ppo").shape == (2, 2)
-    assert reference_beside(folder, card, "q-learning") is None
-    assert reference_beside(folder, read_task("reacher"), "ppo") is None
+    assert reference_of(folder, card, "ppo").shape == (2, 2)
+    assert reference_of(folder, card, "q-learning") is None
+    assert reference_of(folder, read_task("reacher"), "ppo") is None
     for name in ("one", "newest"):  # as schema 1 had it
         path = home / "runs" / name / "run.json"
         record = json.loads(path.read_text())
         del record["algorithm"]
         path.write_text(json.dumps(record))
-    assert reference_beside(folder, card, "ppo") is None
+    assert reference_of(folder, card, "ppo") is None
 
 
 def test_alarms_are_in_the_log_and_in_the_record(repaint, home):

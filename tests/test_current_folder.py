@@ -212,7 +212,7 @@ print(*repaint_cli.train_methods(card, ["scratch"], seeds=[0], jobs=2))
 assert before == sys.path
 assert process._ImportGuard not in sys.meta_path
 sys.path.insert(0, "")
-assert "" not in process.command("x")[3].split(":")
+assert "" not in process.child_command("x")[3].split(":")
 """)
     for name in ("matplotlibrc", ".numba_config.yaml"):  # the caller's own, in its process
         (place.folder / name).unlink()

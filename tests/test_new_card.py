@@ -8,7 +8,7 @@ import pytest
 from odd_envs import Odd
 
 from repaint_cli.cli.new_card import _rollout_lines
-from repaint_cli.envs.gymnasium.found_terms import find_terms
+from repaint_cli.envs.gymnasium.fitted_terms import fit_terms
 from repaint_cli.envs.gymnasium.played import Played
 from repaint_cli.files.paths import shipped_tasks
 from repaint_cli.tasks.card_files import read_task
@@ -19,7 +19,7 @@ ZERO, ONE = np.zeros(500), np.ones(500)
 
 
 def found(rewards, **numbers):
-    return find_terms(Played(rewards, numbers, []))
+    return fit_terms(Played(rewards, numbers, []))
 
 
 @pytest.mark.parametrize(

@@ -33,7 +33,7 @@ def pinned() -> dict[str, str]:
 def installed(root: str) -> dict[str, str]:
     """Return the versions of all that a distribution, with all its extras, needs here."""
     extras = frozenset(distribution(root).metadata.get_all("Provides-Extra") or ())
-    found, seen, waiting = dict[str, str](), set[object](), [(root, extras)]
+    versions, seen, waiting = dict[str, str](), set[object](), [(root, extras)]
     while waiting:
         name, extras = waiting.pop()
         if (name, extras) in seen:
@@ -44,13 +44,13 @@ def installed(root: str) -> dict[str, str]:
         except PackageNotFoundError:
             continue  # of an extra that is not installed
         if name != normal(root):
-            found[name] = needs.version.partition("+")[0]
+            versions[name] = needs.version.partition("+")[0]
         waiting += [
             (normal(need.name), frozenset(need.extras))
             for need in map(Requirement, needs.requires or ())
             if not need.marker or any(need.marker.evaluate({"extra": e}) for e in extras or [""])
         ]
-    return found
+    return versions
 
 
 def unpinned() -> list[str]:
@@ -73,17 +73,17 @@ def vulnerable(tool: str) -> tuple[list[str], int, str]:
     except (OSError, subprocess.TimeoutExpired) as error:
         return [], 0, f"pip-audit did not run ({type(error).__name__})"
     except (ValueError, LookupError):
-        said = done.stderr.strip().splitlines() or [f"exit code {done.returncode}"]
-        return [], 0, f"pip-audit got no answer ({said[-1]:.120})"
+        lines = done.stderr.strip().splitlines() or [f"exit code {done.returncode}"]
+        return [], 0, f"pip-audit got no answer ({lines[-1]:.120})"
     known = [one for one in looked_at if "vulns" in one]
-    found = [
+    vulnerabilities = [
         f"{one['name']} {one['version']}: {vuln['id']}, mended in "
         f"{', '.join(vuln['fix_versions']) or 'no version yet'}"
         for one in known
         for vuln in one["vulns"]
     ]
     return (
-        found,
+        vulnerabilities,
         len(known),
         f"{len(looked_at)} versions looked up, {len(known)} known to the index",
     )
@@ -93,12 +93,12 @@ def main() -> None:
     """Print what was found; end with 1 where something has to be done."""
     problems = unpinned()
     print("\n".join(problems) or "every dependency is installed as constraints.txt pins it")
-    found, known, why = vulnerable(sys.argv[1])
+    vulnerabilities, known, why = vulnerable(sys.argv[1])
     if known:
-        print("\n".join(found) or f"no known vulnerability: {why}")
+        print("\n".join(vulnerabilities) or f"no known vulnerability: {why}")
     else:
         print(f"known vulnerabilities could not be looked up: {why}")
-    sys.exit(1 if problems or found else 0)
+    sys.exit(1 if problems or vulnerabilities else 0)
 
 
 if __name__ == "__main__":

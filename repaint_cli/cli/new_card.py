@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from repaint_cli.envs.gymnasium.found_terms import FoundTerms, find_terms
+from repaint_cli.envs.gymnasium.fitted_terms import FittedTerms, fit_terms
 from repaint_cli.envs.gymnasium.played import Played, play
 from repaint_cli.envs.gymnasium.simulator import GymnasiumSimulator
 from repaint_cli.envs.reward_terms import OWN_REWARD
@@ -29,7 +29,7 @@ def new_card(env_id: str) -> str:
     limit = simulator.longest_episode()
     spaces = _spaces_of(simulator)
     played = play(simulator)
-    fitted = find_terms(played)
+    fitted = fit_terms(played)
     network = ["", "[net]", 'kind = "cnn"'] if spaces.image else []
     lines = [
         f"# {env_id} has {spaces}, and at most {limit:,} steps an episode.",
@@ -66,7 +66,7 @@ def _how_played(played: Played) -> str:
     return text
 
 
-def _reward_lines(played: Played, fitted: FoundTerms) -> list[str]:
+def _reward_lines(played: Played, fitted: FittedTerms) -> list[str]:
     """Return the section [reward], and how its weights were chosen."""
     weights = fitted.weights or {OWN_REWARD: 1.0}
     terms = [
@@ -79,7 +79,7 @@ def _reward_lines(played: Played, fitted: FoundTerms) -> list[str]:
     return [f"# {_how_chosen(played, fitted)}", "[reward]", *terms, *others]
 
 
-def _how_chosen(played: Played, fitted: FoundTerms) -> str:
+def _how_chosen(played: Played, fitted: FittedTerms) -> str:
     """Return a sentence about the weights."""
     if not fitted.weights:
         if not played.numbers:

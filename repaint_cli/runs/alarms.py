@@ -182,8 +182,8 @@ def _squared_error(numbers: np.ndarray) -> np.ndarray | float:
     return numbers.var(0, ddof=1) / len(numbers) if len(numbers) > 1 else 0.0
 
 
-def reference_beside(folder: Path, task: TaskCard, algorithm: str) -> np.ndarray | None:
-    """Return evaluated mean returns (S, K) of the newest run from scratch beside a run's folder.
+def reference_of(folder: Path, task: TaskCard, algorithm: str) -> np.ndarray | None:
+    """Return evaluated mean returns (S, K) of the newest run from scratch next to a run's folder.
 
     Its environment, reward, rollouts, evaluation and algorithm are the same; damaged runs are
     passed over.

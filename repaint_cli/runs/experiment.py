@@ -19,7 +19,7 @@ from repaint_cli.learn.transfer.course import Course
 from repaint_cli.learn.transfer.courses import course_of
 from repaint_cli.policies.networks import ActorCritic
 from repaint_cli.runs import evaluations
-from repaint_cli.runs.alarms import alarms_of, alarms_until, reference_beside, schedule_warnings
+from repaint_cli.runs.alarms import alarms_of, alarms_until, reference_of, schedule_warnings
 from repaint_cli.runs.checkpoint import restore, save_checkpoint, settle
 from repaint_cli.runs.folder import RunFolder
 from repaint_cli.runs.measuring import begin_course, inform_course
@@ -104,7 +104,7 @@ class Experiment:
             warm_start(student, teachers)
         reference = None
         if teachers.teachers:
-            reference = reference_beside(plan.folder, card, plan.algorithm)
+            reference = reference_of(plan.folder, card, plan.algorithm)
         course = course_of(card, teachers.teachers, len(plan.seeds))
         notices = schedule_warnings(card, begun=plan.begun is not None)
         record = plan.new_record(teachers)

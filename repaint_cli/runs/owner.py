@@ -33,7 +33,7 @@ def new_run(plan: Plan) -> Iterator[Experiment]:
     experiment = Experiment.prepare(plan)
     with claimed(plan.folder, experiment.write_first, numbered=plan.numbered) as files:
         experiment.plan = replace(plan, folder=files.path)
-        trust.remember(experiment.card)
+        trust.allow_if_possible(experiment.card)
         yield experiment
 
 

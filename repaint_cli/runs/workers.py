@@ -1,7 +1,7 @@
 """Runs that train side by side, each in a process of its own.
 
-The process is this module, with the number of an open pipe: it receives a plan, trains, and sends
-what stopped it, if anything did. When the pipe is closed its parent has died, and it ends as well.
+The process is this module, with the number of an open pipe and its parent's: it receives a plan,
+trains, and sends what stopped it, if anything did. It ends with its parent.
 """
 
 import os
@@ -11,12 +11,11 @@ import threading
 import traceback
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
-from contextlib import suppress
 from multiprocessing import Pipe
 from multiprocessing.connection import Connection
 from pathlib import Path
 
-from repaint_cli import process
+from repaint_cli import interruption, process
 from repaint_cli.activity import doing, progress
 from repaint_cli.errors import RepaintError
 from repaint_cli.runs.carry_out import carry_out
@@ -51,7 +50,7 @@ class _Workers:
     """Processes that train a plan each."""
 
     def __init__(self, threads: int) -> None:
-        self._environment = os.environ | process.environment() | process.threads(threads)
+        self._environment = os.environ | process.environment() | process.thread_limits(threads)
         self._children: list[subprocess.Popen[bytes]] = []
         self._stopped = False
         self._lock = threading.Lock()
@@ -67,8 +66,9 @@ class _Workers:
             with its_pipe, self._lock:
                 if self._stopped:
                     return None
+                words = str(its_pipe.fileno()), str(os.getpid())
                 child = subprocess.Popen(
-                    process.command("repaint_cli.runs.workers", str(its_pipe.fileno())),
+                    process.child_command("repaint_cli.runs.workers", *words),
                     env=self._environment, pass_fds=[its_pipe.fileno()],
                     stdin=subprocess.DEVNULL, stdout=2,  # what environments print is no result
                 )  # fmt: skip
@@ -120,11 +120,11 @@ def _ended(plan: Plan, code: int) -> str:
     )
 
 
-def main(number: str) -> None:
+def main(number: str, parent: str) -> None:
     """Train one plan for the parent process."""
+    interruption.end_with(int(parent))
     pipe: Connection[Exception | None, Plan] = Connection(int(number))
     plan = pipe.recv()
-    threading.Thread(target=_end_with_parent, args=[pipe], daemon=True).start()
     problem: Exception | None = None
     try:
         carry_out(new_run(plan), finish_interrupted=False)
@@ -137,12 +137,5 @@ def main(number: str) -> None:
     pipe.send(problem)
 
 
-def _end_with_parent(pipe: "Connection[Exception | None, Plan]") -> None:
-    """Wait for the parent's end of the pipe to be closed, and end this process."""
-    with suppress(EOFError, OSError):
-        pipe.recv()
-    os._exit(1)
-
-
 if __name__ == "__main__":
-    main(sys.argv[1])
+    main(*sys.argv[1:])

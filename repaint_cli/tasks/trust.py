@@ -29,7 +29,7 @@ def allow(task: Task) -> None:
             file.write(f"{_fingerprint(task)}  {task.code_at_risk()!r}\n")
 
 
-def remember(task: Task) -> None:
+def allow_if_possible(task: Task) -> None:
     """Let the code of a run that the user begins run again, where that can be noted at all."""
     with suppress(StoreError):
         allow(task)

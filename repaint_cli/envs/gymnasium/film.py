@@ -142,7 +142,7 @@ def _as_json(episode: Replay) -> dict[str, Any]:
 def _child(task: str, renderer: str, job: str, seconds: float) -> subprocess.CompletedProcess[str]:
     """Run this module on its own, guarded as this process is, with the renderer it asks for."""
     return subprocess.run(
-        process.command("repaint_cli.envs.gymnasium.film", task),
+        process.child_command("repaint_cli.envs.gymnasium.film", task),
         input=job,
         env=os.environ
         | process.environment()

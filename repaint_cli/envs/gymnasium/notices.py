@@ -24,6 +24,6 @@ def in_our_words(text: str) -> str | None:
         return None
     line = " ".join(rest.split())
     for pattern, words in WORDS:
-        if found := re.fullmatch(pattern, line):
-            return f"the environment: {found.expand(words)}"
+        if match := re.fullmatch(pattern, line):
+            return f"the environment: {match.expand(words)}"
     return f"Gymnasium says of the environment: {line}"

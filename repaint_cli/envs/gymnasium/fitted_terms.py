@@ -17,7 +17,7 @@ MOST_WEIGHED = 40
 
 
 @dataclass(frozen=True)
-class FoundTerms:
+class FittedTerms:
     """Reward terms and their weights, by name; no terms where nothing gives the reward exactly."""
 
     weights: dict[str, float]
@@ -26,7 +26,7 @@ class FoundTerms:
     """Those called rewards that were 0 in every step: part of the sum by their name alone."""
 
 
-def find_terms(played: Played) -> FoundTerms:
+def fit_terms(played: Played) -> FittedTerms:
     """Find reward terms: numbers whose sum is the reward, else numbers whose weighted sum is.
 
     Numbers whose name has "reward" in it come first. A reward that never changes says little: only
@@ -42,10 +42,10 @@ def find_terms(played: Played) -> FoundTerms:
     summed = _summed(played.rewards, nonzero, [name for name in called if name in nonzero])
     summed = summed or _summed(played.rewards, nonzero, list(nonzero))
     if summed:
-        return FoundTerms(dict.fromkeys([*summed, *always_zero], 1.0), always_zero)
+        return FittedTerms(dict.fromkeys([*summed, *always_zero], 1.0), always_zero)
     if np.ptp(played.rewards) == 0:
-        return FoundTerms({})
-    return FoundTerms(_weighed(played.rewards, nonzero))
+        return FittedTerms({})
+    return FittedTerms(_weighed(played.rewards, nonzero))
 
 
 def _summed(
