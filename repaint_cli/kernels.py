@@ -28,6 +28,11 @@ def seconds_of_compiling() -> float:
     return float(_compilations.duration) if _compilations.done else 0.0
 
 
+def compiling() -> bool:
+    """Return whether a kernel is being compiled at this moment, in whatever thread."""
+    return bool(_compilations._depth)
+
+
 def kernel(function: _Function) -> _Function:
     """Compile in strict floating point: numbers never depend on what else is in a batch."""
     return _compiled(function)

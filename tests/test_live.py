@@ -1,7 +1,11 @@
 """A sign of life: what is being done, how far it is, how long the rest takes."""
 
 import io
+import os
+import pty
 import re
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -9,7 +13,7 @@ from rich.console import Console
 from small_learners import learner_of, training
 from small_tasks import guess, reach
 
-from repaint_cli import activity
+from repaint_cli import activity, kernels
 from repaint_cli.cli import live as live_module
 from repaint_cli.cli.live import Pace, live
 from repaint_cli.runs.comparison_words import duration
@@ -112,6 +116,47 @@ def test_a_terminal_shows_that_something_starts_and_nothing_at_the_end(clock):
     with live(console), activity.doing("drawing"):
         pass
     assert "drawing" not in console.file.getvalue().splitlines()[-1]
+
+
+def test_compiling_is_shown_in_the_line_of_what_waits_for_it(clock):
+    with activity.doing("training"), activity.doing("collecting"):
+        shown = drawn(terminal(), compiling=lambda: True)
+    assert "  collecting, compiling" in shown
+    assert "training, compiling" not in shown
+    assert "compiling" not in drawn(terminal())
+
+
+def test_compiling_is_known_while_a_kernel_is_compiled(monkeypatch):
+    seen = []
+    start = kernels.event.TimingListener.on_start
+    monkeypatch.setattr(
+        kernels.event.TimingListener, "on_start",
+        lambda self, one: (start(self, one), seen.append(kernels.compiling())),
+    )  # fmt: skip
+    kernels.numba.njit(lambda x: x + 1)(1)
+    assert (seen[-1], kernels.compiling()) == (True, False)
+
+
+@pytest.mark.parametrize("terminal", [True, False])
+def test_a_terminal_shows_that_libraries_are_loaded_before_they_are(home, terminal):
+    words = ["repaint", "train-teacher", "--task", "reacher", "--set", "ppo.n_steps=3"]
+    code = (
+        f"import sys; sys.argv = {words}\n"
+        "from repaint_cli.cli import live\n"
+        "live.activity.doing = lambda name, doing=live.activity.doing: (\n"
+        "    print(name, 'torch' in sys.modules, file=sys.__stderr__), doing(name))[1]\n"
+        "from repaint_cli.cli.app import main; main()"
+    )
+    reading, writing = pty.openpty() if terminal else os.pipe()
+    done = subprocess.run(
+        [sys.executable, "-c", code], stdout=writing, stderr=subprocess.PIPE, text=True
+    )
+    os.close(writing)
+    assert done.returncode == 3, done.stderr
+    assert done.stderr.startswith("loading libraries False\n")
+    shown = os.read(reading, 10_000)
+    os.close(reading)
+    assert (b"loading libraries" in shown) == terminal
 
 
 def test_names_of_strangers_are_spelled_out(clock):

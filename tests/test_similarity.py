@@ -119,7 +119,8 @@ def test_a_teacher_stands_for_its_task_and_a_card_for_itself(repaint, home):
 
 
 @pytest.mark.parametrize(
-    "command", [["--help"], ["similarity"], ["tasks", "list"], ["zoo", "list"]]
+    "command",
+    [["--help"], ["similarity"], ["tasks", "list"], ["tasks", "show", "reacher"], ["zoo", "list"]],
 )
 def test_quick_commands_import_no_torch(command):
     code = f"""

@@ -1,7 +1,6 @@
 """Texts on their way to a terminal, and a question."""
 
 import shutil
-import sys
 import textwrap
 from collections.abc import Sequence
 
@@ -37,13 +36,12 @@ def columns(title: Sequence[str], rows: Sequence[Sequence[object]], *, fit: bool
     Args:
         title: the columns' heads.
         rows: the cells.
-        fit: whether to wrap the last column so that the table fits a terminal; a file's lines
-            stay whole.
+        fit: whether to wrap the last column so that the table fits the terminal, or 80 columns.
     """
     cells = [list(title), *([plain(cell) for cell in row] for row in rows)]
     widths = [max(len(row[i]) for row in cells) for i in range(len(title))]
     indent = sum(widths[:-1]) + 2 * (len(widths) - 1)
-    room = shutil.get_terminal_size().columns - indent if fit and sys.stdout.isatty() else 0
+    room = shutil.get_terminal_size().columns - indent if fit else 0
     lines = []
     for *row, last in cells:
         first, *more = (

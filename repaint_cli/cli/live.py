@@ -23,6 +23,7 @@ def live(
     console: Console,
     left: Callable[[], float | None] = lambda: None,
     note: Callable[[], str] = lambda: "",
+    compiling: Callable[[], bool] = lambda: False,
 ) -> Iterator[None]:
     """Show meanwhile what is being done, if the console is a terminal.
 
@@ -30,6 +31,7 @@ def live(
         console: on which.
         left: how many seconds the iterations that are left take, if that is known.
         note: a line beneath.
+        compiling: whether code is being compiled, which holds up what is being done.
     """
     waiting = [Activity("starting")]
 
@@ -39,9 +41,11 @@ def live(
         rows = Table.grid(padding=(0, 1))
         for width in (NAME_WIDTH, BAR_WIDTH, COUNT_WIDTH, None):
             rows.add_column(width=width, no_wrap=True, overflow="ellipsis")
-        for depth, own in enumerate(now or waiting):
+        shown = now or waiting
+        for depth, own in enumerate(shown):
             time = "" if depth else _time(own, left() if own.unit == "iterations" else None)
-            name = Text("  " * depth + plain(own.name))
+            held_up = ", compiling" if own is shown[-1] and compiling() else ""
+            name = Text("  " * depth + plain(own.name) + held_up)
             rows.add_row(name, _bar(own), Text(_count(own)), Text(time))
         beneath = note() if now else ""
         return Group(rows, Text("  " + beneath)) if beneath else rows
@@ -50,6 +54,13 @@ def live(
         yield
         return
     with Live(get_renderable=render, console=console, refresh_per_second=4, transient=True):
+        yield
+
+
+@contextmanager
+def loading(console: Console) -> Iterator[None]:
+    """Show that libraries are being imported meanwhile, which takes seconds."""
+    with live(console), activity.doing("loading libraries"):
         yield
 
 

@@ -10,7 +10,7 @@ from repaint_cli.cli.live import Pace, live
 from repaint_cli.cli.printing import out, print_written
 from repaint_cli.errors import OutputError, RepaintError, StoreError, Terminated
 from repaint_cli.files.commands import command
-from repaint_cli.kernels import seconds_of_compiling
+from repaint_cli.kernels import compiling, seconds_of_compiling
 from repaint_cli.runs.carry_out import TrainedRun, Watcher
 from repaint_cli.runs.comparison_words import duration
 from repaint_cli.runs.experiment import Experiment
@@ -91,7 +91,7 @@ class Screen(Watcher):
     def run(self, train: Callable[..., TrainedRun], *args: object, **options: object) -> None:
         """Train; print the command that goes on with the run if it ends early."""
         try:
-            with live(out, self._left, lambda: self._numbers):
+            with live(out, self._left, lambda: self._numbers, compiling):
                 train(*args, watcher=self, **options)
         except OutputError as error:
             if not self._unfinished:

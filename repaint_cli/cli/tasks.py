@@ -35,7 +35,7 @@ def list_tasks() -> None:
 
     Examples:
         repaint tasks list
-        repaint tasks list | grep racer
+        repaint tasks list | less
     """
     from repaint_cli.cli.console import columns
     from repaint_cli.files.paths import shipped_tasks

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 import typer
 
 from repaint_cli.cli.dry_run import dry_run
+from repaint_cli.cli.imported_screen import screen
 from repaint_cli.cli.option_rules import Rule, check_resume, parsed_into, settings_of
 from repaint_cli.cli.option_values import seed_list, task_named, trackers
 from repaint_cli.cli.options import (
@@ -72,9 +73,7 @@ def train_teacher(options: TrainTeacherOptions) -> None:
 
     if options.resume:
         check_resume(options, options.context)
-        from repaint_cli.cli.screen import Screen
-
-        return Screen().run(
+        return screen().run(
             repaint_cli.resume,
             options.resume,
             iterations=options.iterations,
@@ -88,9 +87,7 @@ def train_teacher(options: TrainTeacherOptions) -> None:
     seeds = seed_list(options.seed, options.seeds)
     if options.dry_run:
         return dry_run(task, lambda: [_plan(options, card, seeds)])
-    from repaint_cli.cli.screen import Screen
-
-    return Screen().run(
+    return screen().run(
         repaint_cli.train,
         card,
         seeds=seeds,

@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from repaint_cli.cli.dry_run import dry_run
+from repaint_cli.cli.imported_screen import screen
 from repaint_cli.cli.option_rules import (
     check_card,
     check_method,
@@ -49,9 +50,7 @@ def transfer(options: TransferOptions) -> None:
     seeds = seed_list(options.seed, options.seeds)
     if options.dry_run:
         return dry_run(task, lambda: [_plan(options, card, seeds, method)])
-    from repaint_cli.cli.screen import Screen
-
-    return Screen().run(
+    return screen().run(
         repaint_cli.transfer,
         card,
         options.teacher or (),
@@ -78,10 +77,9 @@ def _plan(options: TransferOptions, card: "TaskCard", seeds: list[int], method: 
 def _resume(options: TransferOptions, folder: Path) -> None:
     """Go on with the run in a folder."""
     import repaint_cli
-    from repaint_cli.cli.screen import Screen
 
     check_resume(options, options.context)
-    Screen().run(
+    screen().run(
         repaint_cli.resume,
         folder,
         iterations=options.iterations,

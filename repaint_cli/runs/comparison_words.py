@@ -1,16 +1,17 @@
 """A comparison's numbers in words, for a terminal and for a page."""
 
 from collections.abc import Mapping, Sequence
+from math import isnan
+from typing import TYPE_CHECKING
 
-import numpy as np
-
-from repaint_cli.runs.comparison import Comparison, Estimate, Standing
+if TYPE_CHECKING:
+    from repaint_cli.runs.comparison import Comparison, Estimate, Standing
 
 FEW = 3
 """Seeds whose numbers are written one by one."""
 
 
-def verdicts(comparison: Comparison, names: Mapping[str, str] | None = None) -> list[str]:
+def verdicts(comparison: "Comparison", names: Mapping[str, str] | None = None) -> list[str]:
     """Say in a sentence per run whether its area is ahead of the reference's, or not.
 
     Args:
@@ -23,13 +24,13 @@ def verdicts(comparison: Comparison, names: Mapping[str, str] | None = None) -> 
     return [_verdict(row, basis, called) for row in others if basis]
 
 
-def _verdict(row: Standing, basis: Standing, called: Mapping[str, str]) -> str:
+def _verdict(row: "Standing", basis: "Standing", called: Mapping[str, str]) -> str:
     ahead = row.area[0] - basis.area[0]
     name, other = called[row.label], called[basis.label]
     if ahead == 0:
         return f"{name} earned exactly what {other} did"
     word = "above" if ahead > 0 else "below"
-    sure = "" if np.isnan(row.chance) else f", p = {row.chance:.2g}"
+    sure = "" if isnan(row.chance) else f", p = {row.chance:.2g}"
     return (
         f"{name} earned {abs(ahead):.3g} {word} {other} per iteration "
         f"(mean return {row.area[0]:.4g} against {basis.area[0]:.4g}{sure})"
@@ -38,24 +39,24 @@ def _verdict(row: Standing, basis: Standing, called: Mapping[str, str]) -> str:
 
 def short(number: float) -> str:
     """Write a number for a narrow column."""
-    return "-" if np.isnan(number) else f"{number:.4g}"
+    return "-" if isnan(number) else f"{number:.4g}"
 
 
-def interval(estimate: Estimate) -> str:
+def interval(estimate: "Estimate") -> str:
     """Write a number with its interval, if it has one."""
     mean, low, high = estimate
-    return short(mean) + ("" if np.isnan(low) else f" [{low:.3g}, {high:.3g}]")
+    return short(mean) + ("" if isnan(low) else f" [{low:.3g}, {high:.3g}]")
 
 
-def reduction(estimate: Estimate) -> str:
+def reduction(estimate: "Estimate") -> str:
     """Write a reduction, 1 − K / K of the reference, with its interval, if it has one.
 
     A later K is no percentage: ×3 is three times as late.
     """
     mean, low, high = estimate
-    if np.isnan(mean):
+    if isnan(mean):
         return "-"
-    return _reduced(mean) + ("" if np.isnan(low) else f" [{_reduced(low)}, {_reduced(high)}]")
+    return _reduced(mean) + ("" if isnan(low) else f" [{_reduced(low)}, {_reduced(high)}]")
 
 
 def _reduced(number: float) -> str:
@@ -64,9 +65,9 @@ def _reduced(number: float) -> str:
 
 def each_seed(reached: Sequence[float]) -> str:
     """Write each seed's K; of many the least and the largest, and how many never get there."""
-    known = sorted(k for k in reached if not np.isnan(k))
+    known = sorted(k for k in reached if not isnan(k))
     if len(reached) <= FEW:
-        return ", ".join("never" if np.isnan(k) else f"{k:.0f}" for k in reached)
+        return ", ".join("never" if isnan(k) else f"{k:.0f}" for k in reached)
     never = len(reached) - len(known)
     parts = [f"{known[0]:.0f}-{known[-1]:.0f}"] if known else []
     return ", ".join([*parts, f"{never} never"] if never else parts)
@@ -74,12 +75,12 @@ def each_seed(reached: Sequence[float]) -> str:
 
 def whole(number: float) -> str:
     """Write a number without a point: 12,300."""
-    return "-" if np.isnan(number) else f"{number:,.0f}"
+    return "-" if isnan(number) else f"{number:,.0f}"
 
 
 def duration(seconds: float) -> str:
     """Write a time: 2.4 s, 42 s, 3.1 min, 42 min, 2.5 h."""
-    if np.isnan(seconds):
+    if isnan(seconds):
         return "-"
     if seconds < 99.5:
         return f"{seconds:.1f} s" if seconds < 9.95 else f"{seconds:.0f} s"
