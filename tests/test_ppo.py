@@ -267,9 +267,9 @@ def test_alphas_scale_the_learning_rates_of_their_own_iterations_until_k():
     learner = learner_of(task, [0])
     step = learner.optimizer.step
 
-    def note(policies, critics, scale):
+    def note(policies, critics, scale, max_grad_norm):
         scales.append(scale)
-        step(policies, critics, scale)
+        step(policies, critics, scale, max_grad_norm)
 
     learner.optimizer.step = note
     list(
