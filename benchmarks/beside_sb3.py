@@ -3,12 +3,13 @@
     python benchmarks/beside_sb3.py                     # the table of what was measured
     python benchmarks/beside_sb3.py --measure CartPole  # measures CartPole, Pendulum, HalfCheetah
 
-The numbers are those of rl-baselines3-zoo, as far as both have them: Stable-Baselines3 clips
-gradients and for HalfCheetah normalises rewards; repaint normalises observations everywhere;
-Pendulum is without state-dependent exploration. A seed's area is the mean over its environment
-steps of the return of the episode that each belongs to, over all episodes that ended within the
-budget; actions are samples. Seeds 0-9 of each library, which are other random numbers, so that
-nothing is paired.
+The numbers are those of rl-baselines3-zoo, also the longest gradient and whether observations
+are normalised. What differs by intent: Stable-Baselines3 scales down the gradients of policy and
+critic by their common norm, repaint each by its own; it standardises advantages in each minibatch,
+repaint in the whole batch; it normalises the rewards of HalfCheetah; Pendulum is without
+state-dependent exploration. A seed's area is the mean over its environment steps of the return of
+the episode that each belongs to, over all episodes that ended within the budget; actions are
+samples. Seeds 0-9 of each library, which are other random numbers, so that nothing is paired.
 """
 
 import argparse
@@ -53,8 +54,10 @@ class Numbers:
     normalize: bool = False
     """Whether observations (and with Stable-Baselines3 rewards) are normalised."""
     max_grad_norm: float = 0.5
-    """Of Stable-Baselines3 alone."""
 
+
+VECNORMALIZE = {"obs_clip": 10.0, "obs_min_std": 1e-4}
+"""Its defaults where observations are normalised: it divides by √(σ² + 10⁻⁸)."""
 
 TASKS = {
     "CartPole": Numbers(
@@ -150,7 +153,7 @@ def card_of(numbers: Numbers) -> Any:
     iterations = -(-numbers.steps // n_steps)
     ppo = numbers.ppo | {
         "n_steps": n_steps, "n_envs": numbers.n_envs, "n_iterations": 2 * iterations,
-        "continue_episodes": True,
+        "continue_episodes": True, "max_grad_norm": numbers.max_grad_norm,
     }  # fmt: skip
     if numbers.decay:
         ppo |= {"learning_rate_decay": iterations, "clip_decay": iterations}
@@ -159,7 +162,8 @@ def card_of(numbers: Numbers) -> Any:
         "env": {"simulator": "gymnasium", "id": numbers.env_id, "backend": "gymnasium"},
         "reward": numbers.terms, "ppo": ppo,
         "net": {"hidden": numbers.hidden, "activation": numbers.activation,
-                "log_std_init": numbers.log_std_init},
+                "log_std_init": numbers.log_std_init, "obs_normalize": numbers.normalize,
+                **VECNORMALIZE},
     }  # fmt: skip
     return TaskCard.parse(data, "a benchmark")
 

@@ -167,6 +167,66 @@ def test_instances_move_policies_alone_and_a_seed_without_any_stays(discrete):
     assert np.isnan(metrics[1]["policy_loss"][1])
 
 
+def norms(student):
+    """Lengths of the gradients of policies and critics, (2, S)."""
+    cut = student.n_policy
+    halves = student.gradients[:, :cut], student.gradients[:, cut:]
+    return torch.stack([half.double().norm(dim=1) for half in halves])
+
+
+@KINDS
+@NETS
+def test_a_gradient_that_is_too_long_is_scaled_down_by_itself(discrete, net):
+    batch, once = samples(discrete, 16, 16, 16, net=net), {"n_epochs": 1}
+
+    def learn(student, optimizer, ppo):
+        return learn_on_policy(student, optimizer, batch, ppo, rngs())
+
+    whole, clipped = (
+        both(
+            discrete, net,
+            lambda *of, more=more: learn(*of[:2], of[2].model_copy(update=once | more)),
+        )
+        for more in ({}, {"max_grad_norm": 0.4})
+    )  # fmt: skip
+    long = norms(whole[1][0][0])
+    assert 0 < (long > 0.4).float().mean() <= 1
+    assert_same(*clipped, atol=5e-6)
+    for student, _ in clipped[1]:
+        assert_close(norms(student), long.clamp(max=0.4), rtol=1e-5, atol=1e-6)
+
+
+@KINDS
+def test_scaled_down_updates_end_where_the_plain_ones_do(discrete):
+    batch, kept = samples(discrete, 50, 33, 7), samples(discrete, 40, 0, 9, seed=5)
+
+    def learn(student, optimizer, ppo):
+        ppo = ppo.model_copy(update={"max_grad_norm": 0.05})
+        metrics = learn_on_policy(student, optimizer, batch, ppo, rngs())
+        learn_from_instances(student, optimizer, kept, ppo, rngs())
+        return metrics
+
+    metrics, learned = both(discrete, NET, learn)
+    assert_same(metrics, learned, atol=5e-5)
+    assert norms(learned[1][0])[0, [0, 2]].tolist() == pytest.approx([0.05] * 2, rel=1e-4)
+    student, optimizer = learner(discrete)
+    learn_on_policy(student, optimizer, batch, HAND, rngs())
+    learn_from_instances(student, optimizer, kept, HAND, rngs())
+    assert not torch.allclose(student.storage, learned[1][0].storage, atol=1e-2)
+
+
+@pytest.mark.parametrize("ppo", [PLAIN, HAND], ids=["plain", "by hand"])
+@KINDS
+def test_a_norm_that_no_gradient_reaches_changes_no_bit(discrete, ppo):
+    batch, ended = samples(discrete, 50, 33, 7), []
+    for longest in (None, 1e9):
+        student, optimizer = learner(discrete)
+        same = ppo.model_copy(update={"max_grad_norm": longest})
+        learn_on_policy(student, optimizer, batch, same, rngs())
+        ended.append(student.storage)
+    assert torch.equal(*ended)
+
+
 @KINDS
 def test_updates_of_both_kinds_may_take_turns(discrete):
     """Adam's moments and counts are the same buffers for both."""

@@ -245,6 +245,9 @@ MISFITS = [
     ([*TRANSFER, "--method", "warm-start", "--set", "net.obs_clip=none"],
      "a warm start needs equal networks: teacher 'old-hand' has net.obs_clip 5.0, task 'reacher' "
      "has none; try --set net.obs_clip=5.0"),
+    ([*TRANSFER, "--method", "warm-start", "--set", "net.obs_normalize=false"],
+     "a warm start needs equal networks: teacher 'old-hand' has net.obs_normalize true, task "
+     "'reacher' has false; try --set net.obs_normalize=true"),
 ]  # fmt: skip
 
 

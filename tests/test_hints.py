@@ -23,6 +23,8 @@ SET = ["transfer", "--task", "reacher", "--method", "scratch", "--set"]
         ([*SET, "ppo.batch_size=1"], "did you mean ppo.minibatch_size?"),
         ([*SET, "train.gamma=1"], "unknown setting 'train.gamma'; did you mean ppo.gamma?"),
         ([*SET, "ppo.hidden=1"], "did you mean net.hidden?"),
+        ([*SET, "ppo.grad_clip=1"], "did you mean ppo.max_grad_norm?"),
+        ([*SET, "net.norm_obs=false"], "did you mean net.obs_normalize?"),
         ([*SET, "ppo.leraning_rate=1"], "did you mean ppo.learning_rate or "),
         ([*SET, "pop.gama=1"], "unknown section 'pop'; did you mean ppo?"),
         ([*SET, "lr=1e-3"], "expected --set section.key=value, found 'lr=1e-3'; did you mean "

@@ -105,6 +105,18 @@ def test_normalised_observations_are_seen_the_same(tmp_path, kind, settings):
     assert network.normalizer.count.item() == pytest.approx(51, abs=0.01)
 
 
+def test_a_policy_that_normalises_nothing_says_so_and_older_files_act_alike(tmp_path):
+    network, card = imported(saved(tmp_path, model()), task_of(VECTOR, ACTIONS["box"]))
+    assert not card.task.net.obs_normalize
+    net = {"obs_normalize": True, "obs_clip": "none", "obs_min_std": 0.0}  # as it was said before
+    task = card.task.model_copy(update={"net": card.task.net.model_copy(update=net)})
+    older = store.add(network, 0, card.model_copy(update={"task": task}), tmp_path / "zoo")
+    obs = torch.from_numpy(vectors())[None]
+    again, _ = store.read_teacher(older)
+    assert again.normalizer.active
+    assert torch.equal(again.policy(obs).mean, network.policy(obs).mean)
+
+
 @pytest.mark.parametrize("algorithm", ALGORITHMS)
 @pytest.mark.parametrize("kind", ACTIONS)
 @pytest.mark.parametrize("settings", CNNS.values(), ids=CNNS)

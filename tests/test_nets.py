@@ -291,6 +291,18 @@ def test_numbers_that_hardly_vary_around_a_large_mean_are_normalised_exactly():
     assert_close(found, expected.float(), rtol=1e-6, atol=0)
 
 
+def test_a_card_may_leave_vectors_as_they_are():
+    net = NetConfig(obs_normalize=False, obs_min_std=20.0)
+    network = ActorCritic(Spaces((2,), 1, False), net, 2)
+    network.normalizer.update(1, torch.tensor([[3.0, 1.0], [5.0, 1.001]]))
+    obs = torch.tensor([[[2e6, -9.0]], [[1e-9, 0.1]]], dtype=torch.float64)
+    for one in (network, network.alone(1)):
+        part = obs[: one.n_seeds]
+        assert torch.equal(one.normalizer.normalize(part), part.float())
+        assert one.normalizer.narrow_features() == {}
+    assert network.normalizer.count.tolist() == [0, 0]
+
+
 def test_before_the_first_update_observations_pass():
     assert_close(Normalizer(1, 1).normalize(torch.tensor([[[0.7]]])), torch.tensor([[[0.7]]]))
 

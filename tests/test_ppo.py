@@ -267,9 +267,9 @@ def test_alphas_scale_the_learning_rates_of_their_own_iterations_until_k():
     learner = learner_of(task, [0])
     step = learner.optimizer.step
 
-    def note(policies, critics, scale):
+    def note(policies, critics, scale, max_grad_norm):
         scales.append(scale)
-        step(policies, critics, scale)
+        step(policies, critics, scale, max_grad_norm)
 
     learner.optimizer.step = note
     list(
@@ -458,3 +458,51 @@ def test_weights_that_are_not_finite_name_their_seed():
 def test_spaces_are_those_of_the_card():
     assert spaces_of(reach()).obs_shape == (2,)
     assert spaces_of(guess(image=True)).image
+
+
+CLIPPED = [{}, {"compiled": False}, {"stacked": False, "compiled": False}, {"objective": "trpo"}]
+
+
+@pytest.mark.parametrize("joint", [False, True])
+@pytest.mark.parametrize("ppo", CLIPPED, ids=str)
+def test_no_gradient_is_longer_than_the_card_says(ppo, joint):
+    longest = []
+    for limit in (None, 1e-3):
+        learner, _ = trained(
+            reach(n_iterations=1, max_grad_norm=limit, **ppo), (0, 1),
+            untrained_teacher(reach(), 2), joint=joint, instance=1,
+        )  # fmt: skip
+        cut, gradients = learner.student.n_policy, learner.student.gradients
+        longest.append([half.norm(dim=1) for half in (gradients[:, :cut], gradients[:, cut:])])
+    for free, scaled in zip(*longest, strict=True):
+        assert (free > 1e-3).all()
+        assert_close(scaled, torch.full((2,), 1e-3), rtol=0.01, atol=0)
+
+
+def test_a_policy_that_shares_convolutions_is_scaled_down_with_all_that_it_uses():
+    task = guess(image=True, n_iterations=1, max_grad_norm=1e-3)
+    task = task.model_copy(update={"net": task.net.model_copy(update={"shared": True})})
+    student = trained(task, (0, 1))[0].student
+    policies = student.gradients[:, : student.n_policy].norm(dim=1)
+    assert_close(policies, torch.full((2,), 1e-3), rtol=0.01, atol=0)
+
+
+@TASKS
+@pytest.mark.parametrize("compiled", [False, True])
+def test_without_a_normaliser_networks_read_vectors_as_they_are(make, compiled, batches_of):
+    task = make(compiled=compiled)
+    net = task.net.model_copy(update={"obs_normalize": False, "obs_clip": 0.01, "obs_min_std": 9.0})
+    task = task.model_copy(update={"net": net})
+    batches = batches_of("representation_loss")
+    learner, stats = trained(task, (0, 1))
+    normalizer = learner.student.normalizer
+    assert normalizer.mean.eq(0).all()
+    assert normalizer.var.eq(1).all()
+    assert normalizer.count.tolist() == [0, 0]
+    assert normalizer.narrow_features() == {}
+    assert torch.isfinite(learner.student.storage).all()
+    if not compiled:  # the log-probabilities are of whoever acted: the first ratio is 1
+        fresh = learner_of(task, [0, 1]).student
+        old, batch = fresh.policy(batches[0].observations.take(batches[0].rows)), batches[0]
+        assert_close(old.log_prob(batch.actions), batch.behavior_log_probs, rtol=0, atol=1e-5)
+    assert stats[0].metrics["approx_kl"].max() < 0.5

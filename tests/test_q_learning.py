@@ -183,3 +183,14 @@ def test_continuous_actions_are_refused():
     task = learning(reach())
     with pytest.raises(CardError, match="expected numbered actions for q-learning, found 2 obs"):
         next(learn(task, learner_of(task, [0])))
+
+
+def test_no_gradient_is_longer_than_the_card_says():
+    norms = []
+    for limit in (None, 1e-3):
+        task = learning(guess(n_iterations=1, max_grad_norm=limit))
+        learner = learner_of(task, [0, 1])
+        list(learn(task, learner))
+        norms.append(learner.student.gradients.norm(dim=1))
+    assert (norms[0] > 1e-3).all()
+    assert_close(norms[1], torch.full((2,), 1e-3), rtol=0.01, atol=0)

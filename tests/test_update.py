@@ -148,6 +148,17 @@ def test_scale_scales_the_policys_step_and_only_that_step():
     assert critics == pytest.approx([-1e-2] * 4, rel=1e-3)
 
 
+def test_a_gradient_of_3_and_4_is_scaled_down_and_what_does_not_move_is_left_alone():
+    student = drawn(n_seeds=2)
+    optimizer, cut, found = optimizer_of(student), student.n_policy, student.gradients
+    found[:, [0, 1]] = torch.tensor([[3.0, 4.0], [0.3, 0.4]])  # policies: 5 and 0.5 long
+    found[:, [cut, cut + 1]] = torch.tensor([[30.0, 40.0], [30.0, 40.0]])  # critics: 50 long
+    optimizer.step([True, True], [True, False], 1.0, 2.0)
+    assert_close(found[:, [0, 1]], torch.tensor([[1.2, 1.6], [0.3, 0.4]]))
+    assert_close(found[:, [cut, cut + 1]], torch.tensor([[1.2, 1.6], [30.0, 40.0]]))
+    assert_close(optimizer.first[0, [0, cut]], torch.tensor([0.12, 0.12]))  # (1 − β₁)·g
+
+
 def test_a_loaded_optimiser_goes_on_where_the_saved_one_was():
     student, twin = drawn(2), drawn(2)
     first, second = optimizer_of(student), optimizer_of(twin)

@@ -243,6 +243,17 @@ def test_training_says_that_a_feature_is_hardly_seen_once(repaint, odd):
     assert said.code == 0
 
 
+def test_nothing_is_hardly_seen_where_nothing_is_normalised(repaint, odd, home):
+    odd("Tiny", "near")
+    raw = ["--set", "net.obs_normalize=false"]
+    said = repaint("transfer", "--task", "odd.toml", "--method", "scratch", *raw)
+    assert (said.code, "obs_min_std" in said.out) == (0, False)
+    path = home / "odd.toml"
+    path.write_text(path.read_text().replace("[net]", "[net]\nobs_normalize = false"))
+    said = repaint("tasks", "check", "odd.toml")
+    assert (said.code, "obs_min_std" in said.out) == (0, False)
+
+
 # Arguments and films
 
 

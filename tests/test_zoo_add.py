@@ -121,6 +121,21 @@ def test_a_policy_trained_elsewhere_is_added_verified_and_taught_by(repaint, hom
     assert said.code == 0, said.err
 
 
+def test_a_warm_start_from_a_policy_that_normalises_nothing_takes_one_setting(repaint, home):
+    import gymnasium
+    from stable_baselines3 import PPO
+
+    PPO("MlpPolicy", gymnasium.make("Reacher-v5"), seed=1, device="cpu").save("model.zip")
+    command = ["zoo", "add", "guest", "model.zip", "--from", "sb3", "--task", "reacher"]
+    assert repaint(*command).code == 0
+    student = ["transfer", "--task", "reacher", "--teacher", "guest", "--method", "warm-start"]
+    said = repaint(*student, *QUICK, "--iterations", 1)
+    assert "has net.obs_normalize false, task 'reacher' has true; try --set " in said.err
+    raw = ["--set", "net.obs_normalize=false"]
+    said = repaint(*student, *QUICK, "--iterations", 1, *raw)
+    assert said.code == 0, said.err
+
+
 def test_a_teacher_of_other_networks_is_trained_and_comes_back(repaint, home):
     net = ["net.activation=relu", "net.hidden=[16]", "net.value_hidden=[8,8]", "net.obs_clip=none"]
     settings = [word for setting in net for word in ("--set", setting)]

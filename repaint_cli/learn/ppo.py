@@ -104,10 +104,11 @@ def on_policy_iteration(
 def _own_samples(student: ActorCritic, rollout: Rollout, ppo: PPOConfig) -> Samples:
     """Return the students' samples, by their normalisers as they are after the rollout."""
     samples = to_samples(rollout, student.value, ppo)
-    if not student.normalizer and ppo.objective != "trpo":
+    normalizes = student.normalizer is not None and student.normalizer.active
+    if not normalizes and ppo.objective != "trpo":
         return samples
     policy = describe(student.policy, samples)
-    if student.normalizer:  # new statistics make a new π_old: the first ratio is to be 1
+    if normalizes:  # new statistics make a new π_old: the first ratio is to be 1
         samples = replace(samples, behavior_log_probs=policy.log_prob(samples.actions))
     return replace(samples, behavior=policy if ppo.objective == "trpo" else None)
 

@@ -198,7 +198,7 @@ def _take_steps(
             raise DivergedError.of_loss("value_loss", loss[s].item(), s)
         student.gradients.zero_()
         torch.autograd.backward(loss.sum())
-        optimizer.step((counts > 0).tolist(), frozen)
+        optimizer.step((counts > 0).tolist(), frozen, 1.0, card.ppo.max_grad_norm)
         means.add(counts, metrics)
         progress(step, card.q_learning.gradient_steps, "batches")
         interruption.check()

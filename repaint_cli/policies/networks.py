@@ -63,7 +63,9 @@ class ActorCritic:
         clip = inf if net.obs_clip == "none" else net.obs_clip
         self.normalizer = (
             None if spaces.image
-            else Normalizer(n_seeds, spaces.obs_shape[0], clip, net.obs_min_std)
+            else Normalizer(
+                n_seeds, spaces.obs_shape[0], clip, net.obs_min_std, active=net.obs_normalize
+            )
         )  # fmt: skip
         self._frozen = self._detached()
         self._seeds = [self.alone(s) for s in range(n_seeds)] if n_seeds > 1 else []

@@ -15,13 +15,19 @@ class Normalizer:
     """Running mean and standard deviation of each seed's observations, part of the policy.
 
     Observations leave it as clip((x − mean) / max(std, min_std), ±clip); before its first update
-    unchanged but clipped.
+    unchanged but clipped. One that is not active leaves them as they are, and learns no statistics.
     """
 
     def __init__(
-        self, n_seeds: int, n_features: int, clip: float = 5.0, min_std: float = 0.1
+        self,
+        n_seeds: int,
+        n_features: int,
+        clip: float = 5.0,
+        min_std: float = 0.1,
+        *,
+        active: bool = True,
     ) -> None:
-        self.clip, self.min_std = clip, min_std
+        self.clip, self.min_std, self.active = clip, min_std, active
         self.mean = torch.zeros(n_seeds, n_features, dtype=torch.float64)
         self.var = torch.ones(n_seeds, n_features, dtype=torch.float64)
         self.count = torch.zeros(n_seeds, dtype=torch.float64)
@@ -45,10 +51,14 @@ class Normalizer:
 
     def normalize(self, obs: Tensor) -> Tensor:
         """Return normalised observations (S, B, O) float32."""
+        if not self.active:
+            return obs.float()
         return ((obs - self._shift) * self._scale).clamp(-self.clip, self.clip).float()
 
     def update(self, seed: int, obs: Tensor) -> None:
         """Merge a seed's new observations (B, O) into its statistics (Chan et al. 1979)."""
+        if not self.active:
+            return
         x = obs.double()
         n, m = self.count[seed], len(x)
         delta = x.mean(0) - self.mean[seed]
@@ -63,6 +73,8 @@ class Normalizer:
 
         The networks see next to nothing of them. Those that never change are not among them.
         """
+        if not self.active:
+            return {}
         deviation = self.var.sqrt()  # (S, O)
         constant = deviation <= (CONSTANT * self.mean.abs()).clamp(min=CONSTANT)
         far_below = (deviation < self.min_std / FAR) & ~constant

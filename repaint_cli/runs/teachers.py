@@ -175,8 +175,9 @@ def _check_same_networks(card: TeacherCard, task: TaskCard) -> None:
     """
     if task.net.kind != "mlp":
         return
-    for key in ("activation", "obs_clip", "obs_min_std"):
-        taught, wanted = getattr(card.task.net, key), getattr(task.net, key)
+    scaling = ("obs_clip", "obs_min_std") if task.net.obs_normalize else ()
+    for key in ("activation", "obs_normalize", *scaling):
+        taught, wanted = (str(getattr(net, key)).lower() for net in (card.task.net, task.net))
         if taught != wanted:
             raise TeacherMismatch(
                 f"a warm start needs equal networks: teacher '{card.name}' has net.{key} {taught}, "

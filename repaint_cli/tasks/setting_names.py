@@ -12,6 +12,8 @@ SYNONYMS = {
     "ppo.minibatch_size": "batch_size mini_batch_size mb_size sgd_minibatch_size num_minibatches",
     "ppo.learning_rate": "lr step_size adam_lr policy_lr pi_lr",
     "ppo.learning_rate_decay": "lr_decay lr_schedule anneal_lr",
+    "ppo.max_grad_norm": "max_gradient_norm grad_clip gradient_clip clip_grad clip_grad_norm "
+    "clip_gradients gradient_clipping grad_norm_clip global_norm",
     "ppo.gamma": "discount discount_factor",
     "ppo.gae_lambda": "lam lambda lambda_ gae lmbda",
     "ppo.clip_range": "clip cliprange clip_coef clip_param clip_ratio clip_eps eps_clip",
@@ -20,6 +22,7 @@ SYNONYMS = {
     "ppo.kl_coef": "kl kl_coeff",
     "net.hidden": "hidden_sizes hidden_layers hiddens layers net_arch fcnet_hiddens",
     "net.activation": "activation_fn act_fn fcnet_activation nonlinearity",
+    "net.obs_normalize": "norm_obs normalize_obs obs_norm normalize normalize_observations",
     "net.obs_clip": "clip_obs norm_obs_clip",
     "transfer.kickstart_coef": "beta beta_0 distill_coef kickstarting_coef",
     "transfer.teacher_temperature": "temperature",

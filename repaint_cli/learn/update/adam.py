@@ -12,9 +12,17 @@ from repaint_cli.policies.networks import ActorCritic
 EPSILON = 1e-5
 """Adam's ε, as PPO has it."""
 
+CLIP_EPSILON = 1e-6
+"""Added to the norm of a gradient that is divided by it, as in torch."""
+
 
 _Row = tuple[Tensor, ...]
 """Parameters, gradients, moments and the count of steps of a policy or a critic."""
+
+
+def _clip(gradient: Tensor, max_norm: float) -> None:
+    """Scale a gradient (P,) in place: g ← g·min(1, c/(‖g‖ + 10⁻⁶))."""
+    gradient.mul_((max_norm / (gradient.norm() + CLIP_EPSILON)).clamp(max=1))
 
 
 class RowAdam:
@@ -44,9 +52,23 @@ class RowAdam:
         one._rows = self._rows[seed :: self.steps.shape[1]]  # its policy and its critic
         return one
 
-    def step(self, policies: Sequence[bool], critics: Sequence[bool], scale: float = 1.0) -> None:
-        """Move the named policies and critics, (S,) each; policies at `scale` times the rate."""
+    def step(
+        self,
+        policies: Sequence[bool],
+        critics: Sequence[bool],
+        scale: float = 1.0,
+        max_grad_norm: float | None = None,
+    ) -> None:
+        """Move the named policies and critics, (S,) each; policies at `scale` times the rate.
+
+        Gradients of theirs that are longer than `max_grad_norm` are scaled down to it, each by
+        itself: its network has an optimiser of its own.
+        """
         n = len(policies)
+        if max_grad_norm is not None:
+            for row, moves in zip(self._rows, [*policies, *critics], strict=True):
+                if moves:
+                    _clip(row[1], max_grad_norm)
         if scale == 1:
             self._move(self._rows, [*policies, *critics], 1.0)
         else:

@@ -177,4 +177,4 @@ def _step(
     frozen = [False] * student.n_seeds
     policies = moving if spec.moves_policy else frozen
     critics = moving if spec.moves_critic else frozen
-    optimizer.step(policies, critics, spec.policy_scale)
+    optimizer.step(policies, critics, spec.policy_scale, spec.ppo.max_grad_norm)

@@ -2,9 +2,11 @@
 
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
-from math import isinf
+from math import inf, isinf
+from typing import Any
 
 import gymnasium
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -139,19 +141,18 @@ def _normalizer(
             raise UsageError("expected no statistics of images, found some: --vecnormalize none")
         return policy.net, {}
     n = policy.spaces.obs_shape[0]
-    mean, var = torch.zeros(n, dtype=torch.float64), torch.ones(n, dtype=torch.float64)
-    count = clip = None
+    net: dict[str, Any] = {"obs_normalize": False}
     if statistics:
-        mean, var = torch.from_numpy(statistics.mean), torch.from_numpy(statistics.var)
-        count, clip = statistics.count, None if isinf(statistics.clip) else statistics.clip
-        if len(mean) != n:
-            raise TeacherMismatch(
-                f"the policy reads {n} numbers, the statistics are of {len(mean)}"
-            )
-    bounds = {"obs_clip": clip or "none", "obs_min_std": 0.0}
-    state = {"mean": mean, "var": var, "count": torch.tensor(count or 0.0, dtype=torch.float64)}
+        clip = "none" if isinf(statistics.clip) else statistics.clip
+        net = {"obs_clip": clip, "obs_min_std": 0.0}
+    else:
+        statistics = Statistics(np.zeros(n), np.ones(n), inf)
+    mean, var = torch.from_numpy(statistics.mean), torch.from_numpy(statistics.var)
+    if len(mean) != n:
+        raise TeacherMismatch(f"the policy reads {n} numbers, the statistics are of {len(mean)}")
+    state = {"mean": mean, "var": var, "count": torch.tensor(statistics.count, dtype=torch.float64)}
     leaves = {f"normalizer.{name}": tensor for name, tensor in state.items()}
-    return policy.net.model_copy(update=bounds), leaves
+    return policy.net.model_copy(update=net), leaves
 
 
 def _check_leaves(policy: Imported, card: TeacherCard) -> None:

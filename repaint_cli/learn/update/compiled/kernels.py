@@ -35,6 +35,7 @@ class AdamView(NamedTuple):
     steps: int  # taken before
     learning_rate: float
     epsilon: float
+    max_grad_norm: float  # c, infinite where there is none
 
 
 class PolicyData(NamedTuple):
@@ -67,9 +68,11 @@ def tanh(x: np.float32) -> np.float32:
 
 
 @fastmath_kernel
-def forward(x: np.ndarray, network: NetworkView) -> None:
-    """Fill the outputs of each layer, tanh(x·W + b), the head's without tanh; x is (b, O)."""
-    head = len(network.weights) - 1
+def forward(obs: np.ndarray, rows: np.ndarray, network: NetworkView) -> None:
+    """Fill each layer's outputs, tanh(x·W + b), the head's without tanh, for rows of obs (n, O)."""
+    head, x = len(network.weights) - 1, network.inputs[: len(rows)]
+    for i in range(len(rows)):
+        x[i] = obs[rows[i]]
     for layer in range(head + 1):
         out, bias = network.outputs[layer][: len(x)], network.biases[layer]
         np.dot(x, network.weights[layer], out)
@@ -84,8 +87,9 @@ def forward(x: np.ndarray, network: NetworkView) -> None:
 
 
 @fastmath_kernel
-def backward(x: np.ndarray, network: NetworkView) -> None:
-    """Fill the gradients from the head's slopes ∂L/∂out; x is (b, O), as `forward` saw it."""
+def backward(n: int, network: NetworkView) -> None:
+    """Fill the gradients from the head's slopes ∂L/∂out of the n samples that `forward` saw."""
+    x = network.inputs[:n]
     for layer in range(len(network.weights) - 1, -1, -1):
         slope = network.slopes[layer][: len(x)]
         below = network.outputs[layer - 1][: len(x)] if layer else x
@@ -105,7 +109,13 @@ def backward(x: np.ndarray, network: NetworkView) -> None:
 
 @fastmath_kernel
 def adam(view: AdamView, step: int) -> None:
-    """Take Adam's step number `step` (Kingma & Ba 2015, algorithm 1), β₁ = 0.9, β₂ = 0.999."""
+    """Take Adam's step number `step` (Kingma & Ba 2015, algorithm 1), β₁ = 0.9, β₂ = 0.999.
+
+    A gradient that is too long is scaled down first: g ← g·min(1, c/(‖g‖ + 10⁻⁶)).
+    """
+    shrink = view.max_grad_norm / (sqrt(np.dot(view.gradients, view.gradients)) + 1e-6)
+    if shrink < 1:
+        view.gradients[:] *= np.float32(shrink)
     rate = np.float32(view.learning_rate / (1 - 0.9**step))
     scale = np.float32(1 / sqrt(1 - 0.999**step))
     for i in range(len(view.parameters)):
@@ -187,14 +197,6 @@ def categorical_head(
 
 
 @fastmath_kernel
-def gathered(obs: np.ndarray, rows: np.ndarray, network: NetworkView) -> np.ndarray:
-    """Return the minibatch's observations, (b, O), copied into the workspace; obs is (n, O)."""
-    for i in range(len(rows)):
-        network.inputs[i] = obs[rows[i]]
-    return network.inputs[: len(rows)]
-
-
-@fastmath_kernel
 def learn_policy(
     network: NetworkView, view: AdamView, log_std: np.ndarray, log_std_gradient: np.ndarray,
     obs: np.ndarray, orders: np.ndarray, data: PolicyData, metrics: np.ndarray,
@@ -208,8 +210,7 @@ def learn_policy(
     for order in orders:
         for start in range(0, len(order), size):
             rows = order[start : start + size]
-            x = gathered(obs, rows, network)
-            forward(x, network)
+            forward(obs, rows, network)
             out, slopes = network.outputs[head][: len(rows)], network.slopes[head]
             if data.discrete:
                 categorical_head(out, rows, data, slopes, metrics[step])
@@ -219,7 +220,7 @@ def learn_policy(
             step += 1
             if not np.isfinite(metrics[step - 1, :3]).all():
                 return step
-            backward(x, network)
+            backward(len(rows), network)
             adam(view, view.steps + step)
     return step
 
@@ -234,8 +235,7 @@ def learn_value(
     for order in orders:
         for start in range(0, len(order), size):
             rows = order[start : start + size]
-            x = gathered(obs, rows, network)
-            forward(x, network)
+            forward(obs, rows, network)
             for i in range(len(rows)):
                 error = network.outputs[head][i, 0] - returns[rows[i]]
                 metrics[step, 0] += error * error / len(rows)
@@ -243,6 +243,6 @@ def learn_value(
             step += 1
             if not np.isfinite(metrics[step - 1, 0]):
                 return step
-            backward(x, network)
+            backward(len(rows), network)
             adam(view, view.steps + step)
     return step

@@ -123,7 +123,8 @@ def _policy_steps(seed: _Seed, data: PolicyData, metrics: np.ndarray) -> int:
     else:
         log_std, slope = leaf_view(student, s, "policy.log_std")
     network = network_view(student, s, "policy", seed.size)
-    adam = adam_view(student, optimizer, s, "policy", seed.spec.policy_scale)
+    spec = seed.spec
+    adam = adam_view(student, optimizer, s, "policy", spec.policy_scale, spec.ppo.max_grad_norm)
     steps = learn_policy(network, adam, log_std, slope, seed.obs, seed.orders, data, metrics)
     optimizer.steps[0, s] += steps
     return steps
@@ -133,8 +134,9 @@ def _value_steps(seed: _Seed, returns: np.ndarray, metrics: np.ndarray) -> int:
     """Take all steps of a seed's critic; return how many."""
     student, optimizer, s = seed.student, seed.optimizer, seed.s
     network = network_view(student, s, "value", seed.size)
-    adam = adam_view(student, optimizer, s, "value", 1.0)
-    steps = learn_value(network, adam, seed.obs, seed.orders, returns, seed.spec.vf_coef, metrics)
+    spec = seed.spec
+    adam = adam_view(student, optimizer, s, "value", 1.0, spec.ppo.max_grad_norm)
+    steps = learn_value(network, adam, seed.obs, seed.orders, returns, spec.vf_coef, metrics)
     optimizer.steps[1, s] += steps
     return steps
 

@@ -1,6 +1,7 @@
 """Views of one seed's small dense networks in the flat buffers, as compiled code is given them."""
 
 from collections.abc import Sequence
+from math import inf
 
 import numpy as np
 
@@ -41,7 +42,12 @@ def _leaf_views(
 
 
 def adam_view(
-    student: ActorCritic, optimizer: RowAdam, s: int, tower: NetworkName, scale: float
+    student: ActorCritic,
+    optimizer: RowAdam,
+    s: int,
+    tower: NetworkName,
+    scale: float,
+    max_grad_norm: float | None,
 ) -> AdamView:
     """Return seed number s's policy or critic as Adam reads it, at `scale` times its step size."""
     cut, critic = student.n_policy, tower == "value"
@@ -49,4 +55,5 @@ def adam_view(
     buffers = (student.storage, student.gradients, optimizer.first, optimizer.second)
     parameters, gradients, first, second = (buffer[half].numpy() for buffer in buffers)
     steps, rate = int(optimizer.steps[int(critic), s]), optimizer.learning_rate * scale
-    return AdamView(parameters, gradients, first, second, steps, rate, EPSILON)
+    longest = inf if max_grad_norm is None else max_grad_norm
+    return AdamView(parameters, gradients, first, second, steps, rate, EPSILON, longest)
