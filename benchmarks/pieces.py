@@ -25,10 +25,10 @@ OBS, ACTIONS, SAMPLES, NUMBERS = 27, 8, 2048, 4096
 
 def step(compiled: bool, width: int = 64, own_blas_threads: bool = False) -> float:
     """Return the time of a gradient step."""
+    from repaint_cli.learn import side_by_side
     from repaint_cli.learn.rollout.gae import Samples
     from repaint_cli.learn.rollout.observations import Observations
     from repaint_cli.learn.update.adam import RowAdam
-    from repaint_cli.learn.update.compiled import update as compiled_update
     from repaint_cli.learn.update.spec import UpdateSpec
     from repaint_cli.learn.update.update import update
     from repaint_cli.policies.architecture import NetConfig
@@ -49,9 +49,7 @@ def step(compiled: bool, width: int = 64, own_blas_threads: bool = False) -> flo
     ppo = PPOConfig(compiled=compiled)
     spec = UpdateSpec(ppo, ppo.clip_range)
     free = Mock(limit=lambda limits: nullcontext())
-    with (
-        patch.object(compiled_update, "_blas", lambda: free) if own_blas_threads else nullcontext()
-    ):
+    with patch.object(side_by_side, "_blas", lambda: free) if own_blas_threads else nullcontext():
         for _ in range(2):  # the first compiles
             started = perf_counter()
             update(student, optimizer, samples, spec, [np.random.default_rng(0)])

@@ -1,12 +1,13 @@
 """What a long computation is doing: it says so here, and a screen asks.
 
-Activities lie within each other: training, in it an iteration's rollout, and so on. They are of the
-main thread; a screen may ask from another.
+Activities lie within each other: training, in it an iteration's rollout, and so on. The main thread
+begins and ends them; others may advance them, and a screen may ask from its own.
 """
 
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from threading import Lock
 from time import monotonic
 
 
@@ -27,6 +28,7 @@ class Activity:
 
 
 _now: list[Activity] = []
+_counting = Lock()
 
 
 @contextmanager
@@ -45,6 +47,13 @@ def progress(done: float, total: float | None, unit: str) -> None:
     if _now:
         own = _now[-1]
         own.done, own.total, own.unit = done, total, unit
+
+
+def advance() -> None:
+    """Say that one more unit of the narrowest activity is done, from whatever thread."""
+    if _now:
+        with _counting:
+            _now[-1].done += 1
 
 
 def now() -> list[Activity]:

@@ -39,8 +39,6 @@ def environment() -> dict[str, str]:
         "PYTHONSAFEPATH": "1",  # the current folder is on no child's search path
         "MPLBACKEND": "Agg",  # figures are drawn to files
         "PYDANTIC_DISABLE_PLUGINS": "1",  # looking for some takes a while
-        # Threads of torch that spin keep a core from the one they wait for: sleep after some 10 µs.
-        "GOMP_SPINCOUNT": os.environ.get("GOMP_SPINCOUNT", "2000"),
     }
     if "PYTHONPATH" in os.environ:  # an empty entry, as in "$PYTHONPATH:x", is the current folder
         settings["PYTHONPATH"] = os.pathsep.join(filter(None, _python_path()))

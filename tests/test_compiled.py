@@ -11,6 +11,7 @@ from small_learners import learn_from_instances, learn_on_policy
 from torch.testing import assert_close
 
 from repaint_cli.errors import DivergedError
+from repaint_cli.learn import side_by_side
 from repaint_cli.learn.rollout.gae import Samples
 from repaint_cli.learn.rollout.observations import Observations
 from repaint_cli.learn.update import epochs
@@ -276,7 +277,7 @@ def test_a_minibatch_larger_than_the_samples_takes_no_more_room_than_they():
 def test_the_number_of_threads_changes_nothing(discrete):
     batch, ended = samples(discrete, 40, 30, 20), []
     for threads in (1, 2):
-        with patch.object(compiled, "cores", return_value=threads):
+        with patch.object(side_by_side, "cores", return_value=threads):
             student, optimizer = learner(discrete)
             learn_on_policy(student, optimizer, batch, HAND, rngs())
             ended.append(student.storage)

@@ -186,11 +186,13 @@ def test_the_number_of_threads_stays_the_callers(home):
 
     before, watcher = torch.get_num_threads(), Threads()
     folder = repaint_cli.transfer("reacher", method="scratch", watcher=watcher, **SHORT).run.folder
-    path = folder / "run.json"
-    path.write_text(json.dumps(json.loads(path.read_text()) | {"threads": before + 1}))
-    repaint_cli.resume(folder, iterations=3, watcher=watcher)
-    assert watcher.numbers == [before, before, before + 1]
-    assert torch.get_num_threads() == before
+    torch.set_num_threads(2)
+    try:
+        repaint_cli.resume(folder, iterations=3, watcher=watcher)
+        assert torch.get_num_threads() == 2
+    finally:
+        torch.set_num_threads(before)
+    assert watcher.numbers == [1, 1, 1]
 
 
 def test_methods_that_are_interrupted_are_not_drawn(home, monkeypatch):

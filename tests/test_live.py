@@ -182,11 +182,17 @@ def test_nothing_is_shown_where_there_is_no_terminal():
 def test_training_says_what_it_does(monkeypatch, task, wanted):
     said = set()
 
-    def note(done, total, unit):
-        said.add((activity.now()[-1].name, done, total, unit))
+    def noting(say):
+        def noted(*args):
+            say(*args)
+            own = activity.now()[-1]
+            said.add((own.name, own.done, own.total, own.unit))
 
-    for module in ("learn.rollout.extent", "learn.update.epochs"):
-        monkeypatch.setattr(f"repaint_cli.{module}.progress", note)
+        return noted
+
+    for module, name in (("rollout.extent", "progress"), ("update.epochs", "advance")):
+        noted = noting(getattr(activity, name))
+        monkeypatch.setattr(f"repaint_cli.learn.{module}.{name}", noted)
     for _ in training(task, learner_of(task, [0])):
         pass
     assert wanted <= said

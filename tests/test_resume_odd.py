@@ -122,7 +122,6 @@ def test_other_versions_stay_on_record(repaint, home):
         ({"keep": "a"}, "keep: "),
         ({"keep": 0}, "keep: "),
         ({"versions": 3}, "with what it began"),
-        ({"threads": None}, "with what it began"),
         ({"replace": None}, "replace: "),
     ],
 )

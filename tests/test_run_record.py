@@ -157,7 +157,6 @@ ODD = [
     ({"keep": 0}, "damaged, and cannot be resumed: keep: "),
     ({"schema_version": "3"}, "damaged, and cannot be resumed: schema_version: "),
     ({"state": 3, "transfer": None, "replace": "no", "iterations": -1}, "cannot be resumed: state"),
-    ({"threads": 0}, "^run.json does not say with what it began: threads: "),
     ({"versions": None}, "^run.json does not say with what it began: versions: "),
     ({"teachers": [TEACHER | {"instances": None}]}, "cannot be resumed: teachers.0.instances: "),
 ]
@@ -190,7 +189,7 @@ def test_what_runs_are_compared_by_is_checked(tmp_path, changes):
             read_run(tmp_path, to_resume=to_resume)
 
 
-@pytest.mark.parametrize("name", ["versions", "threads", "resumed"])
+@pytest.mark.parametrize("name", ["versions", "resumed"])
 def test_a_run_that_does_not_say_with_what_it_began_is_not_resumed(tmp_path, name):
     _, files = begun(tmp_path)
     data = json.loads(files.record.read_text())

@@ -12,21 +12,21 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from repaint_cli import interruption
-from repaint_cli.activity import doing, progress
+from repaint_cli.activity import advance, doing, progress
 from repaint_cli.errors import CardError, DivergedError, locate_divergence
 from repaint_cli.learn.learner import Learner
 from repaint_cli.learn.rollout.collect import Policy
 from repaint_cli.learn.rollout.observations import Observations, each
 from repaint_cli.learn.rollout.storage import Rollout
 from repaint_cli.learn.rollout.transitions import Experience, flat, transitions
+from repaint_cli.learn.side_by_side import check
 from repaint_cli.learn.stats import IterationStats, Meter
 from repaint_cli.learn.transfer import schedules
 from repaint_cli.learn.transfer.course import Course
 from repaint_cli.learn.transfer.schedules import Phase
 from repaint_cli.learn.transfer.teachers import ActingTeacher, soften
 from repaint_cli.learn.update.adam import RowAdam
-from repaint_cli.learn.update.epochs import Means, one_by_one
+from repaint_cli.learn.update.epochs import Means, seed_by_seed
 from repaint_cli.learn.update.losses import squared_error
 from repaint_cli.learn.update.objectives import mean_over
 from repaint_cli.policies.distributions import Categorical, Distribution
@@ -165,15 +165,19 @@ def _learn(
     student, optimizer, rngs = learner.student, learner.optimizer, learner.shuffles(k)
     threshold = card.q_learning.threshold if selecting else None
     target.storage.copy_(student.storage)
-    if card.ppo.stacked and not student.spaces.image:
+    n_steps, image = card.q_learning.gradient_steps, student.spaces.image
+    if card.ppo.stacked and not image:
+        progress(0, n_steps, "batches")
         return _take_steps(card, student, optimizer, memory, target, threshold, rngs)
-    return one_by_one(
-        lambda s: _take_steps(
+    progress(0, n_steps * student.n_seeds, "batches")
+
+    def steps(s: int) -> dict[str, np.ndarray]:
+        return _take_steps(
             card, student.alone(s), optimizer.alone(s), memory.alone(s), target.alone(s),
             threshold, [rngs[s]],
-        ),
-        student.n_seeds,
-    )  # fmt: skip
+        )  # fmt: skip
+
+    return seed_by_seed([steps], student.n_seeds, image)
 
 
 def _take_steps(
@@ -187,7 +191,7 @@ def _take_steps(
 ) -> dict[str, np.ndarray]:
     """Take the steps of all seeds together, in minibatches (S, b) of each seed's own memory."""
     frozen, size, means = [False] * student.n_seeds, card.ppo.minibatch_size, Means()
-    for step in range(1, card.q_learning.gradient_steps + 1):
+    for _ in range(card.q_learning.gradient_steps):
         drawn = [rng.integers(n, size=size) for rng, n in zip(rngs, memory.counts, strict=True)]
         positions = torch.from_numpy(np.stack(drawn))
         batch = memory.pick(positions, torch.full((len(rngs),), size))
@@ -200,8 +204,8 @@ def _take_steps(
         torch.autograd.backward(loss.sum())
         optimizer.step((counts > 0).tolist(), frozen, 1.0, card.ppo.max_grad_norm)
         means.add(counts, metrics)
-        progress(step, card.q_learning.gradient_steps, "batches")
-        interruption.check()
+        advance()
+        check()
     return means.numpy()
 
 

@@ -35,15 +35,6 @@ LINE = 16
 warnings.filterwarnings("ignore", message="grad and param do not obey the gradient layout contract")
 
 
-def threads_for(net: NetConfig) -> int:
-    """Return how many of torch's threads serve networks: all for convolutions, else one.
-
-    Dense layers are so small that threads would wait for each other most of the time; what is worth
-    sharing there, `learn.update.compiled` shares itself.
-    """
-    return torch.get_num_threads() if net.kind == "cnn" else 1
-
-
 class ActorCritic:
     """S policies and S critics of one shape.
 

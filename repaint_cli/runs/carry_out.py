@@ -1,16 +1,15 @@
 """Carry out a plan: train, draw what came of it, and add the teacher to the zoo."""
 
-from collections.abc import Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager
+from collections.abc import Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
-
-import torch
 
 from repaint_cli import interruption
 from repaint_cli.activity import doing, progress
 from repaint_cli.envs.output import PrintsInFile, prints_in_file
 from repaint_cli.files.paths import user_zoo
+from repaint_cli.learn.side_by_side import one_thread
 from repaint_cli.runs.elsewhere import remember
 from repaint_cli.runs.experiment import Experiment
 from repaint_cli.runs.figures import draw_run
@@ -68,7 +67,7 @@ def carry_out(
     """Train, draw, and write policies and the teacher, while the run's folder is held.
 
     Ctrl-C ends the training early: what was finished is drawn and written all the same before it is
-    raised again. SIGTERM draws nothing. A run that goes on has the number of threads it began with.
+    raised again. SIGTERM draws nothing.
 
     Args:
         owned: a run of `owner`, which holds its folder.
@@ -85,6 +84,7 @@ def carry_out(
         require(name)
     watcher = watcher or Watcher()
     with (
+        one_thread(),
         prints_in_file() as prints,
         owned as experiment,
         prints.kept_in(experiment.plan.files.environment_log),  # while the folder is held
@@ -93,27 +93,15 @@ def carry_out(
         experiment.notices += notices
         remember(experiment.plan.folder)
         watcher.begin(experiment)
-        with _threads_of_torch(experiment.record.threads):
-            ended_by = _train(experiment, watcher, prints, track)
-            if ended_by and not finish_interrupted:
-                raise ended_by
-            trained = _finish(experiment, ended_by is not None, track)
+        ended_by = _train(experiment, watcher, prints, track)
+        if ended_by and not finish_interrupted:
+            raise ended_by
+        trained = _finish(experiment, ended_by is not None, track)
         prints.flush()
         watcher.finish(trained, ended_by is not None)
     if ended_by:
         raise ended_by
     return trained
-
-
-@contextmanager
-def _threads_of_torch(n: int) -> Iterator[None]:
-    """Give torch n threads meanwhile: sums in another order differ in their last digits."""
-    before = torch.get_num_threads()
-    torch.set_num_threads(n)
-    try:
-        yield
-    finally:
-        torch.set_num_threads(before)
 
 
 def _train(

@@ -79,7 +79,7 @@ class Experiment:
         assert begun is not None
         progress = restore(plan, experiment.teachers, experiment.learner, experiment.course)
         record, k = experiment.record, experiment.learner.iteration
-        record.versions, record.threads = begun.versions, begun.threads
+        record.versions = begun.versions
         record.resumed, record.iterations = list(begun.resumed), k
         record.alarms = alarms_until(k, plan.files, begun)
         experiment.notices += [*progress.notices, *record.go_on_with(versions())]

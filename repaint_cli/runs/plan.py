@@ -12,7 +12,6 @@ from repaint_cli.files.commands import command
 from repaint_cli.files.provenance import versions
 from repaint_cli.learn import q_learning
 from repaint_cli.learn.evaluation import spaces_of
-from repaint_cli.policies.networks import threads_for
 from repaint_cli.policies.spaces import Spaces
 from repaint_cli.runs.folder import RunFolder
 from repaint_cli.runs.measuring import check_episodes
@@ -107,7 +106,6 @@ class Plan:
             teachers=list(teachers.records),
             automatic=self.target.automatic and bool(teachers.teachers),
             versions=versions(),
-            threads=threads_for(self.target.net),
         )
 
     def identity(self, teachers: RunTeachers) -> dict[str, Any]:

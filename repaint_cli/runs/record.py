@@ -30,7 +30,7 @@ MOST_ALARMS = 1000
 DECIDED = ("algorithm", "teacher_name", "replace", "keep")
 """Decisions before a run that schema 2 and earlier left out."""
 
-BEGINNING = ("versions", "threads", "resumed")
+BEGINNING = ("versions", "resumed")
 """What a run began with; results depend on it."""
 
 LENIENT = {"lenient": True}
@@ -115,8 +115,6 @@ class RunRecord(BaseModel):
     """Whether the transfer goes by measurements."""
     versions: dict[str, str] = {}
     """Of the libraries that the run began with."""
-    threads: PositiveInt = 1
-    """Of torch: gradients of images differ in their last digits with another number."""
     resumed: list[Resumption] = []
     """When the run went on with other versions."""
     iterations: NonNegativeInt = 0
@@ -128,7 +126,7 @@ class RunRecord(BaseModel):
 
     _lenient = field_validator(
         "schema_version", "state", "transfer", "teacher_name", "replace", "keep", "versions",
-        "threads", "resumed", "iterations", "seconds", "alarms", mode="wrap",
+        "resumed", "iterations", "seconds", "alarms", mode="wrap",
     )(_or_default)  # fmt: skip
 
     @field_validator("method", "algorithm")

@@ -50,7 +50,6 @@ def _begun_with(run: RecordedRun) -> dict[str, Any]:
         "algorithm": record.algorithm,
         "teachers": " and ".join(teacher.name for teacher in record.teachers) or "none",
         "seeds": record.seeds,
-        "threads": record.threads,
     }
     return facts | {f"version of {name}": version for name, version in record.versions.items()}
 

@@ -1,7 +1,6 @@
 """Act in S × N environments with a policy until every seed has enough steps or episodes."""
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import isfinite
 from typing import Any
@@ -17,6 +16,7 @@ from repaint_cli.learn.rollout.extent import Extent
 from repaint_cli.learn.rollout.observations import arrays_of, each
 from repaint_cli.learn.rollout.storage import Rollout, RolloutBuilder
 from repaint_cli.learn.seeding import Purpose, env_seeds
+from repaint_cli.learn.side_by_side import one_thread
 from repaint_cli.policies.distributions import Distribution
 from repaint_cli.tasks.card import TaskCard
 
@@ -88,7 +88,7 @@ def collect(
     shape = (len(rngs), env.num_envs // len(rngs))  # (S, N)
     act = _ActingPolicy(policy, _ActionNoise(rngs, shape[1]), greedy)
     resetting = np.zeros(shape, bool) if ended is None else ended
-    with torch.no_grad(), _threads_for(obs):
+    with torch.no_grad(), one_thread():
         extent = Extent(shape, n_steps, whole, each_steps)
         return _roll(env, obs, act, RolloutBuilder(shape, record), extent, resetting)
 
@@ -152,18 +152,6 @@ class _ActingPolicy:
         actions = np.zeros((*valid.shape, *chosen.shape[2:]), chosen.dtype)
         actions[envs] = chosen
         return actions, envs, distribution
-
-
-@contextmanager
-def _threads_for(obs: Any) -> Iterator[None]:
-    """Keep torch to one thread for vectors (S · N, O): others would spin against the simulator."""
-    threads = torch.get_num_threads()
-    if all(array.ndim == 2 for array in arrays_of(obs)):
-        torch.set_num_threads(1)
-    try:
-        yield
-    finally:
-        torch.set_num_threads(threads)
 
 
 def _tensor(array: np.ndarray, envs: Any) -> Tensor:

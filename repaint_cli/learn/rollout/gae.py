@@ -1,7 +1,8 @@
 """From a rollout to samples: generalised advantage estimates with the student's critic."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from repaint_cli.learn.rollout.collect import Policy
 from repaint_cli.learn.rollout.observations import Observations
 from repaint_cli.learn.rollout.storage import Rollout
 from repaint_cli.learn.rollout.transitions import counts_of, flat
+from repaint_cli.learn.side_by_side import side_by_side
 from repaint_cli.policies.distributions import Distribution, concat_samples
 from repaint_cli.settings import PPOConfig
 
@@ -116,9 +118,7 @@ def _values(rollout: Rollout, value: Value) -> np.ndarray:
     """Return V of every stored observation where it stands in the rollout, (T+1, S, N) float64."""
     sizes = rollout.observations.sizes
     rows = torch.minimum(torch.arange(int(sizes.max())).repeat(len(sizes), 1), sizes[:, None] - 1)
-    stored: np.ndarray = torch.cat(
-        list(_passes(value, rollout.observations, rows, sizes)), 1
-    ).numpy()
+    stored: np.ndarray = torch.cat(_passes(value, rollout.observations, rows, sizes), 1).numpy()
     per_seed = [stored[s][rollout.index[:, s]] for s in range(len(sizes))]
     values: np.ndarray = np.stack(per_seed, 1).astype(np.float64)
     return values
@@ -126,7 +126,7 @@ def _values(rollout: Rollout, value: Value) -> np.ndarray:
 
 def describe(policy: Policy, samples: Samples) -> Distribution:
     """Return a policy's distributions at all samples, (S, B), without gradients."""
-    return concat_samples(list(_passes(policy, samples.observations, samples.rows, samples.counts)))
+    return concat_samples(_passes(policy, samples.observations, samples.rows, samples.counts))
 
 
 def _passes(
@@ -134,12 +134,15 @@ def _passes(
     observations: Observations,
     rows: Tensor,
     counts: Tensor,
-) -> Iterator[Any]:
-    """Yield a network's outputs at observations (S, B), a chunk at a time, without gradients."""
-    size = rows.shape[1] if observations.small else CHUNK
-    for start in range(0, rows.shape[1], size):
+) -> list[Any]:
+    """Return a network's outputs at observations (S, B), in chunks, without gradients."""
+
+    def outputs(start: int, size: int) -> Any:
         chunk = rows[:, start : start + size]
         real = (counts - start).clamp(0, chunk.shape[1]).tolist()
         with torch.no_grad():
-            outputs = network(observations.take(chunk), real)
-        yield outputs
+            return network(observations.take(chunk), real)
+
+    if observations.small:
+        return [outputs(0, rows.shape[1])]
+    return side_by_side([partial(outputs, i, CHUNK) for i in range(0, rows.shape[1], CHUNK)])

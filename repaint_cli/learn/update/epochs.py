@@ -1,18 +1,21 @@
 """The update as written: epochs of minibatches, for all seeds at once, each as if alone."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial, reduce
+from operator import or_
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from repaint_cli import interruption
-from repaint_cli.activity import progress
+from repaint_cli.activity import advance, progress
 from repaint_cli.errors import DivergedError
 from repaint_cli.learn.rollout.gae import Samples
+from repaint_cli.learn.side_by_side import check, side_by_side
 from repaint_cli.learn.update.adam import RowAdam
 from repaint_cli.learn.update.objectives import instance_loss, representation_loss
-from repaint_cli.learn.update.spec import UpdateSpec
+from repaint_cli.learn.update.spec import Networks, UpdateSpec
 from repaint_cli.policies.networks import ActorCritic
 
 
@@ -53,6 +56,26 @@ def minibatch(order: Tensor, starts: Tensor, stops: Tensor) -> tuple[Tensor, Ten
     return order.gather(1, reach.clamp(max=order.shape[1] - 1)), counts
 
 
+@dataclass(frozen=True)
+class _Orders:
+    """The order of samples in each epoch, (epochs,) of (S, B), and of teacher samples (S, K)."""
+
+    own: list[Tensor]
+    of_instances: list[Tensor]
+
+    @classmethod
+    def draw(
+        cls, samples: Samples, spec: UpdateSpec, rngs: Sequence[np.random.Generator]
+    ) -> "_Orders":
+        """Draw them by each seed's own generator."""
+        orders = cls([], [])
+        for _ in range(spec.ppo.n_epochs):
+            orders.own.append(shuffle(samples, rngs))
+            if spec.instances is not None:
+                orders.of_instances.append(shuffle(spec.instances, rngs))
+        return orders
+
+
 def take_steps(
     student: ActorCritic,
     optimizer: RowAdam,
@@ -62,65 +85,77 @@ def take_steps(
 ) -> dict[str, np.ndarray]:
     """Take the gradient steps with autograd; see `update.update`.
 
-    Seed by seed, as if each were alone; dense networks all at once where `ppo.stacked`.
+    Seed by seed, as if each were alone, and where they read images and share no layers its policy
+    and its critic side by side; dense networks all at once where `ppo.stacked`.
     """
-    if spec.ppo.stacked and not student.spaces.image:
-        return _take_steps(student, optimizer, samples, spec, rngs)
-    return one_by_one(
-        lambda s: _take_steps(
-            student.alone(s), optimizer.alone(s), samples.alone(s),
-            spec.alone(s, int(samples.counts[s])), [rngs[s]],
-        ),
-        student.n_seeds,
-    )  # fmt: skip
+    batches, image = -(-samples.counts // spec.ppo.minibatch_size), student.spaces.image
+    if spec.ppo.stacked and not image:
+        progress(0, spec.ppo.n_epochs * int(batches.max()), "batches")
+        return _take_steps(student, optimizer, samples, spec, _Orders.draw(samples, spec, rngs))
+    apart = image and spec.networks == "both" and not student.net.shared
+    parts: list[Networks] = ["policy", "critic"] if apart else [spec.networks]
+    progress(0, spec.ppo.n_epochs * len(parts) * int(batches.sum()), "batches")
+    alone = [
+        (student.alone(s), optimizer.alone(s), samples.alone(s)) for s in range(student.n_seeds)
+    ]
+    specs = [spec.alone(s, n) for s, n in enumerate(samples.counts.tolist())]
+    orders = [_Orders.draw(own[2], specs[s], [rngs[s]]) for s, own in enumerate(alone)]
+
+    def steps(networks: Networks, s: int) -> dict[str, np.ndarray]:
+        return _take_steps(*alone[s], replace(specs[s], networks=networks), orders[s])
+
+    return seed_by_seed([partial(steps, n) for n in parts], student.n_seeds, image)
 
 
-def one_by_one(
-    steps: Callable[[int], dict[str, np.ndarray]], n_seeds: int
+def seed_by_seed(
+    jobs: Sequence[Callable[[int], dict[str, np.ndarray]]], n_seeds: int, together: bool
 ) -> dict[str, np.ndarray]:
-    """Take each seed's steps by themselves; return its metrics, (S,) each, nan of no step.
+    """Do each job for each seed by itself; return their metrics, (S,) each, nan of no step.
+
+    Args:
+        jobs: map a seed's number to its metrics, (1,) each.
+        n_seeds: S.
+        together: whether they go side by side; jobs of many small steps would wait for each other.
 
     Raises:
-        DivergedError: a seed's loss is not finite; earlier ones have taken all their steps.
+        DivergedError: a seed's loss is not finite; others have taken all their steps, or none.
     """
-    parts = []
-    for s in range(n_seeds):
+
+    def alone(job: Callable[[int], dict[str, np.ndarray]], s: int) -> dict[str, np.ndarray]:
         try:
-            parts.append(steps(s))
+            return job(s)
         except DivergedError as error:
             error.row = s  # it was the only one
             raise
+
+    calls = [partial(alone, job, s) for s in range(n_seeds) for job in jobs]
+    results = side_by_side(calls) if together else [call() for call in calls]
+    parts = [reduce(or_, results[i : i + len(jobs)]) for i in range(0, len(calls), len(jobs))]
     names = dict.fromkeys(name for part in parts for name in part)
     nothing = np.full(1, np.nan, np.float32)
     return {name: np.concatenate([part.get(name, nothing) for part in parts]) for name in names}
 
 
 def _take_steps(
-    student: ActorCritic,
-    optimizer: RowAdam,
-    samples: Samples,
-    spec: UpdateSpec,
-    rngs: Sequence[np.random.Generator],
+    student: ActorCritic, optimizer: RowAdam, samples: Samples, spec: UpdateSpec, orders: _Orders
 ) -> dict[str, np.ndarray]:
     """Take the steps of all seeds together, in minibatches (S, b) of each seed's own samples."""
     means, size = Means(), spec.ppo.minibatch_size
     n_steps = -(-samples.counts // size)  # each seed's own ceil(n / 64)
-    for epoch in range(spec.ppo.n_epochs):
-        order = shuffle(samples, rngs)
-        instance_order = None if spec.instances is None else shuffle(spec.instances, rngs)
+    for epoch, order in enumerate(orders.own):
         for j in range(int(n_steps.max())):
             bounds = (samples.counts.clamp(max=size * j), samples.counts.clamp(max=size * (j + 1)))
             positions, counts = minibatch(order, *bounds)
             loss, metrics = _loss(student, samples, positions, counts, spec)
-            if instance_order is not None:
-                share = _share(instance_order, spec, torch.tensor([[j], [j + 1]]), n_steps)
+            if spec.instances is not None:
+                steps = torch.tensor([[j], [j + 1]])
+                share = _share(orders.of_instances[epoch], spec, steps, n_steps)
                 loss = _joint_loss(student, loss, share, spec, means)
             means.add(counts, metrics)
             _check_finite(loss, metrics)
             _step(student, optimizer, loss, (counts > 0).tolist(), spec)
-            n = int(n_steps.max())
-            progress(epoch * n + j + 1, spec.ppo.n_epochs * n, "batches")
-            interruption.check()
+            advance()
+            check()
     return spec.of_moved(means.numpy())
 
 
@@ -154,6 +189,8 @@ def _joint_loss(
     student: ActorCritic, loss: Tensor, share: Samples, spec: UpdateSpec, means: Means
 ) -> Tensor:
     """Return −α₁·L_rep − α₂·L_ins, (S,), and add the metrics of L_ins (paper, algorithm 1)."""
+    if not spec.moves_policy:
+        return spec.alphas[0] * loss
     of_instances, metrics = instance_loss(student, share, spec)
     means.add(share.counts, {name: metrics[name] for name in ("log_ratio", "kept_clip_fraction")})
     return spec.alphas[0] * loss + spec.alphas[1] * of_instances
@@ -172,7 +209,9 @@ def _step(
     student: ActorCritic, optimizer: RowAdam, loss: Tensor, moving: list[bool], spec: UpdateSpec
 ) -> None:
     """Follow the gradient of the sum of all seeds' losses, (S,); seeds share no parameter."""
-    student.gradients.zero_()
+    cut = student.n_policy
+    start, stop = {"both": (0, None), "policy": (0, cut), "critic": (cut, None)}[spec.networks]
+    student.gradients[:, start:stop].zero_()  # the others may be learning meanwhile
     torch.autograd.backward(loss.sum())
     frozen = [False] * student.n_seeds
     policies = moving if spec.moves_policy else frozen

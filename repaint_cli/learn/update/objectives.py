@@ -1,6 +1,8 @@
 """The losses of a minibatch, a number per seed: L_rep and L_ins (paper, section 4)."""
 
 from collections.abc import Callable
+from functools import reduce
+from operator import add
 
 import torch
 from torch import Tensor
@@ -67,23 +69,23 @@ def representation_loss(
         spec: coefficients, with β_k.
     """
     obs, counts = batch.observations.take(batch.rows), batch.counts
-    policy = student.policy(obs, counts.tolist())
-    values = student.value(obs, counts.tolist())
-    log_probs, mean = policy.log_prob(batch.actions), mean_over(counts, batch.rows.shape[1])
-    metrics = {
-        "policy_loss": mean(objective(policy, log_probs, batch, spec)),
-        "value_loss": mean(squared_error(values, batch.returns)),
-        "entropy": mean(policy.entropy().expand_as(log_probs)),
-    } | _ratio_metrics(log_probs, batch, spec.clip_range, mean)
-    loss = (
-        metrics["policy_loss"]
-        + spec.vf_coef * metrics["value_loss"]
-        - spec.ppo.ent_coef * metrics["entropy"]
-    )
-    if teacher is not None:
-        metrics["cross_entropy"] = mean(teacher.cross_entropy(policy))
-        loss = loss + torch.as_tensor(spec.beta, dtype=loss.dtype) * metrics["cross_entropy"]
-    return loss, metrics
+    mean, metrics, loss = mean_over(counts, batch.rows.shape[1]), dict[str, Tensor](), []
+    if spec.moves_policy:
+        policy = student.policy(obs, counts.tolist())
+        log_probs = policy.log_prob(batch.actions)
+        metrics |= {
+            "policy_loss": mean(objective(policy, log_probs, batch, spec)),
+            "entropy": mean(policy.entropy().expand_as(log_probs)),
+        } | _ratio_metrics(log_probs, batch, spec.clip_range, mean)
+        loss += [metrics["policy_loss"], -spec.ppo.ent_coef * metrics["entropy"]]
+        if teacher is not None:
+            metrics["cross_entropy"] = mean(teacher.cross_entropy(policy))
+            loss.append(torch.as_tensor(spec.beta, dtype=torch.float32) * metrics["cross_entropy"])
+    if spec.moves_critic:
+        values = student.value(obs, counts.tolist())
+        metrics["value_loss"] = mean(squared_error(values, batch.returns))
+        loss.append(spec.ppo.vf_coef * metrics["value_loss"])
+    return reduce(add, loss), metrics
 
 
 def instance_loss(

@@ -62,11 +62,6 @@ class UpdateSpec:
         """Whether critics move."""
         return self.networks != "policy"
 
-    @property
-    def vf_coef(self) -> float:
-        """Weight of the value loss: 0 where critics do not move, for layers that both share."""
-        return self.ppo.vf_coef if self.moves_critic else 0.0
-
     def of_moved(self, metrics: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Return the metrics of the networks that moved: the value loss is the critic's."""
         return {

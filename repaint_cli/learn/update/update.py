@@ -6,6 +6,7 @@ import numpy as np
 
 from repaint_cli.activity import doing
 from repaint_cli.learn.rollout.gae import Samples
+from repaint_cli.learn.side_by_side import one_thread
 from repaint_cli.learn.update import epochs
 from repaint_cli.learn.update.adam import RowAdam
 from repaint_cli.learn.update.compiled import update as compiled
@@ -35,7 +36,7 @@ def update(
     Raises:
         DivergedError: a loss is not finite.
     """
-    with doing("learning"):
+    with doing("learning"), one_thread():
         if compiled.applies_to(student, spec):
             return compiled.take_steps(student, optimizer, samples, spec, rngs)
         return epochs.take_steps(student, optimizer, samples, spec, rngs)

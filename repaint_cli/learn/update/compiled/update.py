@@ -6,17 +6,16 @@ cores.
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import partial
 
 import numpy as np
 import torch
-from threadpoolctl import ThreadpoolController
 
 from repaint_cli import interruption
 from repaint_cli.errors import DivergedError
 from repaint_cli.learn.rollout.gae import Samples
+from repaint_cli.learn.side_by_side import side_by_side
 from repaint_cli.learn.update.adam import RowAdam
 from repaint_cli.learn.update.compiled.kernels import (
     PolicyData,
@@ -27,7 +26,6 @@ from repaint_cli.learn.update.compiled.views import adam_view, leaf_view, networ
 from repaint_cli.learn.update.spec import UpdateSpec
 from repaint_cli.policies.distributions import Categorical, Gaussian
 from repaint_cli.policies.networks import ActorCritic
-from repaint_cli.threads import cores
 
 POLICY_METRIC_NAMES = (
     "policy_loss", "entropy", "cross_entropy", "approx_kl", "clip_fraction", "log_ratio"
@@ -74,8 +72,7 @@ def take_steps(
     if spec.moves_critic:
         returns = samples.returns.numpy()
         jobs += [partial(_value_steps, seed, returns[seed.s], of_critic[seed.s]) for seed in seeds]
-    with _blas().limit(limits=1), ThreadPoolExecutor(cores()) as pool:
-        steps = list(pool.map(lambda job: job(), jobs))
+    steps = side_by_side(jobs)
     interruption.check()
     means = _means(np.concatenate([of_policy, of_critic], 2), np.array(steps[: len(counts)]))
     return _as_written(means, spec)
@@ -136,7 +133,7 @@ def _value_steps(seed: _Seed, returns: np.ndarray, metrics: np.ndarray) -> int:
     network = network_view(student, s, "value", seed.size)
     spec = seed.spec
     adam = adam_view(student, optimizer, s, "value", 1.0, spec.ppo.max_grad_norm)
-    steps = learn_value(network, adam, seed.obs, seed.orders, returns, spec.vf_coef, metrics)
+    steps = learn_value(network, adam, seed.obs, seed.orders, returns, spec.ppo.vf_coef, metrics)
     optimizer.steps[1, s] += steps
     return steps
 
@@ -162,14 +159,6 @@ def _policy_data(student: ActorCritic, samples: Samples, spec: UpdateSpec) -> li
         )
         for s, beta in enumerate(betas.tolist())
     ]  # fmt: skip
-
-
-@cache
-def _blas() -> ThreadpoolController:
-    """Return a handle on the BLAS of compiled code, to limit its threads: each job has a core."""
-    import scipy.linalg.cython_blas  # noqa: F401  numba calls it; a library not yet loaded has no handle
-
-    return ThreadpoolController().select(user_api="blas")
 
 
 def _means(metrics: np.ndarray, steps: np.ndarray) -> dict[str, np.ndarray]:
