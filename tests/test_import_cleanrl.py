@@ -8,9 +8,9 @@ from gymnasium.spaces import Box, Discrete
 from torch import nn
 
 from repaint_cli.errors import CheckpointError, TeacherMismatch, UsageError
+from repaint_cli.learn.evaluation import environment_spaces
 from repaint_cli.policies.spaces import Spaces
 from repaint_cli.zoo.importers import cleanrl
-from repaint_cli.zoo.importers.fit import environment_spaces
 from repaint_cli.zoo.importers.imported import as_teacher
 from repaint_cli.zoo.importers.statistics import statistics_of
 

@@ -12,6 +12,7 @@ from stable_baselines3.common.vec_env import DummyVecEnv, VecFrameStack
 from test_import_sb3 import assert_same_policy, saved, vectors
 
 from repaint_cli.errors import CheckpointError, TeacherMismatch, UsageError
+from repaint_cli.learn.evaluation import environment_spaces
 from repaint_cli.zoo.importers import cleanrl, fit, sb3
 from repaint_cli.zoo.importers.imported import as_teacher
 
@@ -22,7 +23,7 @@ MOTORS = Box(LOW, HIGH)
 
 def imported(path, task, **settings):
     policy, _ = sb3.read(path)
-    return as_teacher(policy, None, "guest", task, fit.environment_spaces(task), **settings)
+    return as_teacher(policy, None, "guest", task, environment_spaces(task), **settings)
 
 
 def refusal(path, task, kind=TeacherMismatch, **settings):
@@ -154,7 +155,7 @@ def test_other_bounds_of_observations_are_noticed():
 
 
 def notice(bounds, task):
-    obs, _ = fit.environment_spaces(task)
+    obs, _ = environment_spaces(task)
     return fit.observation_notice(bounds, obs, task.name)
 
 
@@ -164,7 +165,7 @@ def test_a_state_dict_has_no_bounds_and_its_actions_are_clipped_by_the_task(tmp_
 
     path, task = saved_agent(tmp_path, Continuously()), task_of(VECTOR, MOTORS)
     policy, _ = cleanrl.read(path, fit.Spaces((5,), 3, False))
-    spaces = fit.environment_spaces(task)
+    spaces = environment_spaces(task)
     as_teacher(policy, None, "guest", task, spaces)
     with pytest.raises(UsageError, match="a file that has the bounds of continuous actions"):
         as_teacher(policy, None, "guest", task, spaces, rescale=True)

@@ -15,9 +15,9 @@ from test_import_statistics import seeded
 from torch import nn
 
 from repaint_cli.errors import CheckpointError, TeacherMismatch, UsageError
+from repaint_cli.learn.evaluation import environment_spaces
 from repaint_cli.zoo import store
 from repaint_cli.zoo.importers import sb3
-from repaint_cli.zoo.importers.fit import environment_spaces
 from repaint_cli.zoo.importers.imported import as_teacher
 from repaint_cli.zoo.importers.statistics import statistics_of
 

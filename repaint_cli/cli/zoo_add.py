@@ -131,9 +131,10 @@ def _import_policy(options: AddOptions) -> "tuple[ActorCritic, TeacherCard]":
     """
     from repaint_cli.cli.console import literal
     from repaint_cli.cli.printing import out
+    from repaint_cli.learn.evaluation import environment_spaces
     from repaint_cli.policies.spaces import Spaces
     from repaint_cli.tasks.card_files import read_task
-    from repaint_cli.zoo.importers.fit import environment_spaces, observation_notice
+    from repaint_cli.zoo.importers.fit import observation_notice
     from repaint_cli.zoo.importers.imported import as_teacher
     from repaint_cli.zoo.importers.statistics import statistics_of
 

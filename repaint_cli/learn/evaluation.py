@@ -4,6 +4,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any
 
+import gymnasium
 import numpy as np
 
 from repaint_cli.activity import doing
@@ -24,15 +25,24 @@ LONGEST_TRY = 1000
 
 
 def spaces_of(task: Task) -> Spaces:
-    """Return what policies of a task read and write.
+    """Return what policies of a task read and write; see `environment_spaces`."""
+    return Spaces.of(*environment_spaces(task))
+
+
+def environment_spaces(
+    task: Task,
+) -> tuple[gymnasium.Space, gymnasium.Space]:  # type: ignore[type-arg]
+    """Return the spaces of a task's environment: of observations, and of actions.
 
     Steps are taken until each reward term was reported once, which is one step for most tasks.
 
     Raises:
-        CardError: the task's environment cannot be made or never reports a reward term.
+        CardError: the task's environment cannot be made, has spaces that no policy reads or
+            writes, or never reports a reward term.
     """
     env = task.make_env(1)
-    spaces = Spaces.of(env.single_observation_space, env.single_action_space)
+    spaces = env.single_observation_space, env.single_action_space
+    Spaces.of(*spaces)
     env.reset(seed=[0])
     env.action_space.seed(0)
     reported, ended, t = set[str](), False, 0

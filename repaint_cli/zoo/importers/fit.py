@@ -13,9 +13,7 @@ import torch
 from torch import Tensor
 
 from repaint_cli.errors import TeacherMismatch
-from repaint_cli.learn.evaluation import spaces_of
 from repaint_cli.policies.spaces import Spaces
-from repaint_cli.tasks.card import TaskCard
 
 NO_BOUND = 1e30
 """A bound beyond it is none: Gymnasium's environments have had the largest float32, or infinity."""
@@ -43,20 +41,6 @@ class Bounds:
     def text(self, dimension: int) -> str:
         """Return the bounds of a dimension, as people write them."""
         return f"[{self.low[dimension]:.6g}, {self.high[dimension]:.6g}]"
-
-
-def environment_spaces(
-    task: TaskCard,
-) -> tuple[gymnasium.Space, gymnasium.Space]:  # type: ignore[type-arg]
-    """Return the spaces of a task's environment: of observations, and of actions.
-
-    Raises:
-        CardError: see `spaces_of`.
-    """
-    spaces_of(task)
-    env = task.make_env(1)
-    env.close()
-    return env.single_observation_space, env.single_action_space
 
 
 def channels_first(policy: Spaces, task: Spaces) -> str | None:
