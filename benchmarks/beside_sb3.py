@@ -4,12 +4,14 @@
     python benchmarks/beside_sb3.py --measure CartPole  # measures CartPole, Pendulum, HalfCheetah
 
 The numbers are those of rl-baselines3-zoo, also the longest gradient and whether observations
-are normalised. What differs by intent: Stable-Baselines3 scales down the gradients of policy and
-critic by their common norm, repaint each by its own; it standardises advantages in each minibatch,
-repaint in the whole batch; it normalises the rewards of HalfCheetah; Pendulum is without
-state-dependent exploration. A seed's area is the mean over its environment steps of the return of
-the episode that each belongs to, over all episodes that ended within the budget; actions are
-samples. Seeds 0-9 of each library, which are other random numbers, so that nothing is paired.
+are normalised; "repaint's defaults" are its own of these two: observations are normalised, and
+gradients stay as long as they are. What differs by intent: Stable-Baselines3 scales down the
+gradients of policy and critic by their common norm, repaint each by its own; it standardises
+advantages in each minibatch, repaint in the whole batch; it normalises the rewards of HalfCheetah;
+Pendulum is without state-dependent exploration. A seed's area is the mean over its environment
+steps of the return of the episode that each belongs to, over all episodes that ended within the
+budget; actions are samples. Seeds 0-9 of each library, which are other random numbers, so that
+nothing is paired.
 """
 
 import argparse
@@ -124,7 +126,7 @@ def _falling(first: float) -> Callable[[float], float]:
     return lambda left: left * first
 
 
-def repaint(task: str, seeds: Sequence[int]) -> list[float]:
+def repaint(task: str, seeds: Sequence[int], *, defaults: bool = False) -> list[float]:
     """Train seeds side by side with repaint; return their areas."""
     from repaint_cli.learn.evaluation import spaces_of
     from repaint_cli.learn.learner import Learner
@@ -132,7 +134,7 @@ def repaint(task: str, seeds: Sequence[int]) -> list[float]:
     from repaint_cli.learn.transfer.courses import course_of
     from repaint_cli.policies.networks import ActorCritic
 
-    card = card_of(TASKS[task])
+    card = card_of(TASKS[task], defaults)
     student = ActorCritic(spaces_of(card), card.net, len(seeds))
     learner = Learner.fresh(student, list(seeds), card.ppo.learning_rate)
     episodes: list[list[tuple[float, int]]] = [[] for _ in seeds]
@@ -145,26 +147,28 @@ def repaint(task: str, seeds: Sequence[int]) -> list[float]:
     return [area(*zip(*own, strict=True)) for own in episodes]
 
 
-def card_of(numbers: Numbers) -> Any:
-    """Return the card with these numbers."""
+def card_of(numbers: Numbers, defaults: bool) -> Any:
+    """Return the card with these numbers, or with our defaults of normalising and clipping."""
     from repaint_cli.tasks.card import TaskCard
 
     n_steps = numbers.n_steps * numbers.n_envs
     iterations = -(-numbers.steps // n_steps)
     ppo = numbers.ppo | {
         "n_steps": n_steps, "n_envs": numbers.n_envs, "n_iterations": 2 * iterations,
-        "continue_episodes": True, "max_grad_norm": numbers.max_grad_norm,
+        "continue_episodes": True,
     }  # fmt: skip
     if numbers.decay:
         ppo |= {"learning_rate_decay": iterations, "clip_decay": iterations}
-    data = {
+    data: dict[str, Any] = {
         "name": numbers.env_id, "summary": "Beside Stable-Baselines3.",
         "env": {"simulator": "gymnasium", "id": numbers.env_id, "backend": "gymnasium"},
         "reward": numbers.terms, "ppo": ppo,
         "net": {"hidden": numbers.hidden, "activation": numbers.activation,
-                "log_std_init": numbers.log_std_init, "obs_normalize": numbers.normalize,
-                **VECNORMALIZE},
+                "log_std_init": numbers.log_std_init},
     }  # fmt: skip
+    if not defaults:
+        data["net"] |= {"obs_normalize": numbers.normalize, **VECNORMALIZE}
+        data["ppo"] |= {"max_grad_norm": numbers.max_grad_norm}
     return TaskCard.parse(data, "a benchmark")
 
 
@@ -172,8 +176,9 @@ def measure(task: str, processes: int) -> None:
     """Train all seeds with both libraries, and put the areas in the place of earlier ones."""
     with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
         ours = pool.submit(repaint, task, SEEDS)
+        own = pool.submit(repaint, task, SEEDS, defaults=True)
         others = list(pool.map(sb3, [task] * len(SEEDS), SEEDS))
-        measured = {"repaint": ours.result(), "sb3": others}
+        measured = {"repaint": ours.result(), "repaint, defaults": own.result(), "sb3": others}
     kept = [row for row in read() if row["task"] != task]
     kept += [
         {"task": task, "library": library, "seed": str(seed), "area": f"{number:.6g}"}
@@ -214,13 +219,18 @@ def table() -> Table:
             library: np.array(
                 [float(r["area"]) for r in read() if (r["task"], r["library"]) == (task, library)]
             )
-            for library in ("sb3", "repaint")
+            for library in ("sb3", "repaint", "repaint, defaults")
         }
         if len(areas["sb3"]):
             cells = ["{:.1f} [{:.1f}, {:.1f}]".format(*mean_ci(own)) for own in areas.values()]
-            gap = "{:+.0f} % [{:+.0f}, {:+.0f}]".format(*difference(areas["repaint"], areas["sb3"]))
-            rows.append((numbers.env_id, f"{numbers.steps:,}", *cells, gap))
-    return Table(("task", "steps", "sb3", "repaint", "repaint − sb3"), rows)
+            reference = areas.pop("sb3")
+            gaps = [difference(own, reference) for own in areas.values()]
+            cells[1:] = [
+                f"{cell}, " + "{:+.0f} % [{:+.0f}, {:+.0f}]".format(*gap)
+                for cell, gap in zip(cells[1:], gaps, strict=True)
+            ]
+            rows.append((numbers.env_id, f"{numbers.steps:,}", *cells))
+    return Table(("task", "steps", "sb3", "repaint, − sb3", "repaint's defaults, − sb3"), rows)
 
 
 def main() -> None:
