@@ -10,7 +10,7 @@ gradients of policy and critic by their common norm, repaint each by its own; it
 advantages in each minibatch, repaint in the whole batch; it normalises the rewards of HalfCheetah;
 Pendulum is without state-dependent exploration. A seed's area is the mean over its environment
 steps of the return of the episode that each belongs to, over all episodes that ended within the
-budget; actions are samples. Seeds 0-9 of each library, which are other random numbers, so that
+budget; actions are samples. The seeds of each library are other random numbers, so that
 nothing is paired.
 """
 
@@ -31,7 +31,6 @@ from turns import Table, drawn
 from repaint_cli.report.statistics import mean_ci
 
 RESULTS = Path(__file__).parent / "results" / "beside-sb3.csv"
-SEEDS = range(10)
 
 
 @dataclass(frozen=True)
@@ -56,6 +55,8 @@ class Numbers:
     normalize: bool = False
     """Whether observations (and with Stable-Baselines3 rewards) are normalised."""
     max_grad_norm: float = 0.5
+    n_seeds: int = 10
+    """How many of each library, from 0; more where seeds differ much and cost little."""
 
 
 VECNORMALIZE = {"obs_clip": 10.0, "obs_min_std": 1e-4}
@@ -63,7 +64,7 @@ VECNORMALIZE = {"obs_clip": 10.0, "obs_min_std": 1e-4}
 
 TASKS = {
     "CartPole": Numbers(
-        "CartPole-v1", 10_000, 8, 32, {"reward": 1.0}, decay=True,
+        "CartPole-v1", 10_000, 8, 32, {"reward": 1.0}, decay=True, n_seeds=50,
         ppo={"minibatch_size": 256, "gae_lambda": 0.8, "gamma": 0.98, "n_epochs": 20,
              "ent_coef": 0.0, "learning_rate": 1e-3, "clip_range": 0.2},
     ),
@@ -174,16 +175,17 @@ def card_of(numbers: Numbers, defaults: bool) -> Any:
 
 def measure(task: str, processes: int) -> None:
     """Train all seeds with both libraries, and put the areas in the place of earlier ones."""
+    seeds = range(TASKS[task].n_seeds)
     with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
-        ours = pool.submit(repaint, task, SEEDS)
-        own = pool.submit(repaint, task, SEEDS, defaults=True)
-        others = list(pool.map(sb3, [task] * len(SEEDS), SEEDS))
+        ours = pool.submit(repaint, task, seeds)
+        own = pool.submit(repaint, task, seeds, defaults=True)
+        others = list(pool.map(sb3, [task] * len(seeds), seeds))
         measured = {"repaint": ours.result(), "repaint, defaults": own.result(), "sb3": others}
     kept = [row for row in read() if row["task"] != task]
     kept += [
         {"task": task, "library": library, "seed": str(seed), "area": f"{number:.6g}"}
         for library, areas in measured.items()
-        for seed, number in zip(SEEDS, areas, strict=True)
+        for seed, number in zip(seeds, areas, strict=True)
     ]
     with RESULTS.open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, ("task", "library", "seed", "area"), lineterminator="\n")
@@ -212,7 +214,7 @@ def difference(ours: np.ndarray, others: np.ndarray) -> tuple[float, float, floa
 
 
 def table() -> Table:
-    """Return each task's areas beside each other."""
+    """Return each task's areas, a row per library."""
     rows = []
     for task, numbers in TASKS.items():
         areas = {
@@ -221,16 +223,13 @@ def table() -> Table:
             )
             for library in ("sb3", "repaint", "repaint, defaults")
         }
-        if len(areas["sb3"]):
-            cells = ["{:.1f} [{:.1f}, {:.1f}]".format(*mean_ci(own)) for own in areas.values()]
-            reference = areas.pop("sb3")
-            gaps = [difference(own, reference) for own in areas.values()]
-            cells[1:] = [
-                f"{cell}, " + "{:+.0f} % [{:+.0f}, {:+.0f}]".format(*gap)
-                for cell, gap in zip(cells[1:], gaps, strict=True)
-            ]
-            rows.append((numbers.env_id, f"{numbers.steps:,}", *cells))
-    return Table(("task", "steps", "sb3", "repaint, − sb3", "repaint's defaults, − sb3"), rows)
+        for library, own in areas.items():
+            if len(own):
+                area = "{:.1f} [{:.1f}, {:.1f}]".format(*mean_ci(own))
+                gap = "{:+.0f} % [{:+.0f}, {:+.0f}]".format(*difference(own, areas["sb3"]))
+                gap = "" if library == "sb3" else gap
+                rows.append((task, f"{numbers.steps:,}", str(len(own)), library, area, gap))
+    return Table(("task", "steps", "seeds", "library", "area [95 %]", "− sb3"), rows)
 
 
 def main() -> None:
@@ -242,7 +241,7 @@ def main() -> None:
     if chosen.measure:
         measure(chosen.measure, chosen.processes)
     Console().print(drawn(table()))
-    print("mean area of 10 seeds [95 % interval]")
+    print("mean area of all seeds [95 % interval]")
 
 
 if __name__ == "__main__":

@@ -4,6 +4,7 @@ import re
 from importlib import import_module
 from pathlib import Path
 
+import beside_sb3
 import numpy as np
 import pytest
 import turns
@@ -91,6 +92,14 @@ def test_the_tables_are_those_that_were_measured(name):
     for table in benchmark.tables(found):
         for line in turns.markdown(table):
             assert line in SPEED
+
+
+def test_the_table_beside_sb3_is_what_was_measured():
+    results = (ROOT / "docs/results.md").read_text(encoding="utf-8")
+    lines = list(turns.markdown(beside_sb3.table()))
+    assert len(lines) > 5
+    for line in lines:
+        assert line in results
 
 
 def test_the_readmes_tables_are_lines_of_that_page():

@@ -7,13 +7,14 @@ from threading import Barrier, Event, current_thread
 import numpy as np
 import pytest
 import torch
+from threadpoolctl import ThreadpoolController, threadpool_limits
 
 from repaint_cli import activity
 from repaint_cli.errors import DivergedError
 from repaint_cli.learn.evaluation import spaces_of
 from repaint_cli.learn.learner import Learner
 from repaint_cli.learn.ppo import train
-from repaint_cli.learn.side_by_side import check, side_by_side
+from repaint_cli.learn.side_by_side import check, one_thread, side_by_side
 from repaint_cli.learn.transfer.courses import course_of
 from repaint_cli.learn.update.epochs import seed_by_seed
 from repaint_cli.policies.networks import ActorCritic
@@ -27,6 +28,26 @@ def test_all_cores_work_unless_a_number_is_set(monkeypatch, text):
     assert cores() == len(os.sched_getaffinity(0))
     monkeypatch.setenv("OMP_NUM_THREADS", "3")
     assert cores() == 3
+
+
+def test_one_thread_is_one_of_torch_and_one_of_blas():
+    before = torch.get_num_threads()
+    torch.set_num_threads(2)
+    try:
+        with threadpool_limits(2, user_api="blas"):
+            with one_thread():
+                assert torch.get_num_threads() == 1
+                assert blas_threads() == {1}
+            assert torch.get_num_threads() == 2
+            assert blas_threads() == {2}
+    finally:
+        torch.set_num_threads(before)
+
+
+def blas_threads():
+    return {
+        library["num_threads"] for library in ThreadpoolController().select(user_api="blas").info()
+    }
 
 
 def test_as_many_jobs_work_at_a_time_as_there_are_cores(monkeypatch):
