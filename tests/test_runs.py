@@ -319,14 +319,15 @@ def leaping(request, monkeypatch):
     """Let the third iteration's steps be far too long; return the setting of a run for it."""
     calls, step, view = [], RowAdam.step, compiled.adam_view
 
-    def leap(self, policies, critics, scale):
+    def leap(self, policies, critics, scale, *longest):
         calls.append(scale)
-        step(self, policies, critics, 1e38 if len(calls) > 10 else scale)  # 4 an iteration
+        scale = 1e38 if len(calls) > 10 else scale  # 4 an iteration
+        step(self, policies, critics, scale, *longest)
 
-    def leaping_view(student, optimizer, s, tower, scale):
+    def leaping_view(student, optimizer, s, tower, *others):
         calls.append(tower)
-        found = view(student, optimizer, s, tower, scale)
-        return found._replace(learning_rate=1e38) if len(calls) > 4 else found  # 2 an iteration
+        whole = view(student, optimizer, s, tower, *others)
+        return whole._replace(learning_rate=1e38) if len(calls) > 4 else whole  # 2 an iteration
 
     monkeypatch.setattr(RowAdam, "step", leap)
     monkeypatch.setattr(compiled, "adam_view", leaping_view)
