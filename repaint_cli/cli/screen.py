@@ -62,7 +62,8 @@ class Screen(Watcher):
         self._estimated = True
         if left >= Pace.LONG:
             n = self._total - self._done
-            out.print(f"{n} more iterations of {duration(one)} take about {duration(left)}")
+            several = f"{n} more iterations of {duration(one)} take"
+            out.print(f"{several if n > 1 else '1 more iteration takes'} about {duration(left)}")
 
     def end(self, experiment: Experiment, cause: BaseException | None) -> None:
         """Print after which iteration a run was interrupted."""
