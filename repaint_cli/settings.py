@@ -84,8 +84,7 @@ class PPOConfig(Settings):
     """Iterations over which the step size falls in a straight line to 0; constant where absent."""
     max_grad_norm: float | None = Field(None, gt=0)
     """Longest gradient of a policy, and of a critic, L2 norm; longer ones are scaled down to it.
-    Absent: none are. Stable-Baselines3 and CleanRL scale both networks by their common norm, which
-    earned less on Pendulum."""
+    Absent: none are. Stable-Baselines3 and CleanRL scale both networks by their common norm."""
     gamma: float = Field(0.99, gt=0, le=1)
     """γ, the discount per step."""
     gae_lambda: float = Field(0.95, ge=0, le=1)

@@ -38,8 +38,8 @@ LOST = run("instance", [0, 0, 0, 0, 3], [0, 0, 0, 0, 3])
 
 
 def standings(*runs, target=None):
-    found = comparison_of({r.method: r for r in runs}, "scratch", target)
-    return found, {standing.label: standing for standing in found.standings}
+    compared = comparison_of({r.method: r for r in runs}, "scratch", target)
+    return compared, {standing.label: standing for standing in compared.standings}
 
 
 def test_the_target_is_the_references_best_mean_unless_one_is_given():
@@ -71,16 +71,16 @@ def test_scores_by_hand():
 
 def test_runs_are_compared_over_the_iterations_that_all_have():
     short = run("repaint", [4, 4], [4, 4])
-    found, rows = standings(SLOW, short)
+    compared, rows = standings(SLOW, short)
     scratch = rows["scratch"]
-    assert found.iterations == 2
+    assert compared.iterations == 2
     assert scratch.area[0] == 0.5
-    assert (found.target, scratch.best, scratch.final[0], scratch.reached) == (1, 1, 1, 2)
+    assert (compared.target, scratch.best, scratch.final[0], scratch.reached) == (1, 1, 1, 2)
     assert (scratch.iterations, rows["repaint"].iterations) == (5, 2)
-    assert found.warning() == (
+    assert compared.warning() == (
         "repaint has only 2 of 5 iterations: all runs are compared over the first 2"
     )
-    assert found.as_json()["warning"] == found.warning()
+    assert compared.as_json()["warning"] == compared.warning()
     assert standings(SLOW, QUICKER)[0].warning() is None
 
 
@@ -116,18 +116,18 @@ def test_the_reference_is_a_label_or_a_method_and_scratch_may_be_absent():
 
 
 def test_a_record_is_strict_json():
-    found, _ = standings(SLOW, LOST)
-    rows = [as_row(standing) for standing in found.standings]
+    compared, _ = standings(SLOW, LOST)
+    rows = [as_row(standing) for standing in compared.standings]
     printed = json.loads(json.dumps(rows, allow_nan=False))
     assert tuple(printed[0]) == COLUMNS
     assert (printed[0]["k"], printed[1]["k"], printed[1]["k_each"]) == (5, None, [None, None])
 
 
-def printed(found, monkeypatch, **options):
+def printed(compared, monkeypatch, **options):
     """What is printed of a comparison on 80 columns."""
     screen = Console(file=io.StringIO(), width=80, highlight=False, soft_wrap=True, **options)
     monkeypatch.setattr(comparison_table, "out", screen)
-    comparison_table.print_comparison(found)
+    comparison_table.print_comparison(compared)
     return screen.file.getvalue()
 
 
@@ -148,8 +148,8 @@ def test_long_labels_are_shown_whole_and_runs_have_numbers(monkeypatch, colours)
     teacher = "a-teacher-with-a-name-of-" + "x" * 39
     labels = ["scratch", f"repaint from {teacher} (learning_rate 0.0003, gamma 0.99)"]
     both = [run(label, *curve, steps=2048) for label, curve in zip(labels, curves, strict=True)]
-    found = comparison_of(dict(zip(labels, both, strict=True)), "scratch", None)
-    text = re.sub(r"\x1b\[[0-9;]*m", "", printed(found, monkeypatch, **colours))
+    compared = comparison_of(dict(zip(labels, both, strict=True)), "scratch", None)
+    text = re.sub(r"\x1b\[[0-9;]*m", "", printed(compared, monkeypatch, **colours))
     assert max(map(len, text.splitlines())) <= 80
     said = " ".join(text.split())
     assert f"run 2 repaint from {teacher} (learning_rate 0.0003, gamma 0.99)" in said

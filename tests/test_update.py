@@ -82,8 +82,8 @@ def visited(batches, s):
 
 def test_masked_mean_by_hand():
     numbers = torch.tensor([[1.0, 3.0, 5.0], [2.0, 4.0, 99.0], [99.0, 99.0, 99.0]])
-    found = masked_mean(numbers, torch.tensor([3, 2, 0]))
-    assert_close(found, torch.tensor([3.0, 3.0, 0.0]))
+    means = masked_mean(numbers, torch.tensor([3, 2, 0]))
+    assert_close(means, torch.tensor([3.0, 3.0, 0.0]))
     assert_close(masked_mean(torch.zeros(2, 0), torch.tensor([0, 0])), torch.zeros(2))
 
 
@@ -150,12 +150,12 @@ def test_scale_scales_the_policys_step_and_only_that_step():
 
 def test_a_gradient_of_3_and_4_is_scaled_down_and_what_does_not_move_is_left_alone():
     student = drawn(n_seeds=2)
-    optimizer, cut, found = optimizer_of(student), student.n_policy, student.gradients
-    found[:, [0, 1]] = torch.tensor([[3.0, 4.0], [0.3, 0.4]])  # policies: 5 and 0.5 long
-    found[:, [cut, cut + 1]] = torch.tensor([[30.0, 40.0], [30.0, 40.0]])  # critics: 50 long
+    optimizer, cut, gradients = optimizer_of(student), student.n_policy, student.gradients
+    gradients[:, [0, 1]] = torch.tensor([[3.0, 4.0], [0.3, 0.4]])  # policies: 5 and 0.5 long
+    gradients[:, [cut, cut + 1]] = torch.tensor([[30.0, 40.0], [30.0, 40.0]])  # critics: 50 long
     optimizer.step([True, True], [True, False], 1.0, 2.0)
-    assert_close(found[:, [0, 1]], torch.tensor([[1.2, 1.6], [0.3, 0.4]]))
-    assert_close(found[:, [cut, cut + 1]], torch.tensor([[1.2, 1.6], [30.0, 40.0]]))
+    assert_close(gradients[:, [0, 1]], torch.tensor([[1.2, 1.6], [0.3, 0.4]]))
+    assert_close(gradients[:, [cut, cut + 1]], torch.tensor([[1.2, 1.6], [30.0, 40.0]]))
     assert_close(optimizer.first[0, [0, cut]], torch.tensor([0.12, 0.12]))  # (1 − β₁)·g
 
 
@@ -185,13 +185,13 @@ def test_the_parts_of_an_order_are_each_seeds_samples_once(counts, size):
     if samples is None:
         return
     order = shuffle(samples, generators(len(counts)))
-    found = [[] for _ in counts]
+    visited = [[] for _ in counts]
     for start in range(0, max(counts), size):
         bounds = (samples.counts.clamp(max=start), samples.counts.clamp(max=start + size))
         positions, taken = minibatch(order, *bounds)
         for s, n in enumerate(taken.tolist()):
-            found[s] += positions[s, :n].tolist()
-    assert [sorted(visits) for visits in found] == [list(range(n)) for n in counts]
+            visited[s] += positions[s, :n].tolist()
+    assert [sorted(visits) for visits in visited] == [list(range(n)) for n in counts]
 
 
 def test_a_seeds_order_is_its_generators():

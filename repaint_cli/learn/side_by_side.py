@@ -43,16 +43,14 @@ def _blas() -> ThreadpoolController:
 def side_by_side(jobs: Sequence[Callable[[], Result]]) -> list[Result]:
     """Do all jobs, as many at a time as there are cores; return what they return, in order.
 
-    What a job raises is raised when all have ended, that of the first in order. An interruption
-    ends them at their next `check`.
+    What a job raises is raised when all have ended, that of the first in order; that, and an
+    interruption, end the others at their next `check`.
     """
     stop = Event()
     with ThreadPoolExecutor(cores(), initializer=_begin, initargs=(stop,)) as pool:
         running = [pool.submit(job) for job in jobs]
         try:
             return [job.result() for job in running]
-        except Exception:  # the others end by themselves
-            raise
         except BaseException:
             stop.set()
             raise
@@ -62,7 +60,7 @@ def check() -> None:
     """Raise what ends this thread's job early: to be asked after every step.
 
     Raises:
-        KeyboardInterrupt: the main thread was interrupted while it waited.
+        KeyboardInterrupt: the main thread waits no longer for what it returns.
         Terminated: the process was asked to end.
     """
     interruption.check()

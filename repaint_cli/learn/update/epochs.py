@@ -118,7 +118,7 @@ def seed_by_seed(
         together: whether they go side by side; jobs of many small steps would wait for each other.
 
     Raises:
-        DivergedError: a seed's loss is not finite; others have taken all their steps, or none.
+        DivergedError: a seed's loss is not finite; others have taken some of their steps.
     """
 
     def alone(job: Callable[[int], dict[str, np.ndarray]], s: int) -> dict[str, np.ndarray]:

@@ -74,9 +74,22 @@ def as_teacher(
         CardError: the task's environment cannot be made.
     """
     spaces, (net, normalizer) = Spaces.of(*env_spaces), _normalizer(policy, statistics)
-    card = TeacherCard(
+    card = _card(policy, name, task.model_copy(update={"net": net}))
+    problem = fit.channels_first(policy.spaces, spaces) or store.mismatch(card, task, spaces)
+    if problem:
+        raise TeacherMismatch(f"{problem}; give the --task it was trained on")
+    _check_leaves(policy, card)
+    policy = _fitted(policy, f"teacher '{name}'", *env_spaces, rescale=rescale)
+    network = ActorCritic(spaces, net, 1)
+    weights.load_policy(network, policy.leaves | normalizer, f"teacher '{name}'")
+    return network, card.model_copy(update={"score": score(network, task, policy.seed)})
+
+
+def _card(policy: Imported, name: str, task: TaskCard) -> TeacherCard:
+    """Return the card of an imported policy, without a score."""
+    return TeacherCard(
         name=name,
-        task=task.model_copy(update={"net": net}),
+        task=task,
         obs_shape=policy.spaces.obs_shape,
         n_actions=policy.spaces.n_actions,
         discrete=policy.spaces.discrete,
@@ -88,14 +101,6 @@ def as_teacher(
         versions=versions() | policy.versions,
         created=datetime.now(UTC).isoformat(timespec="seconds"),
     )
-    problem = fit.channels_first(policy.spaces, spaces) or store.mismatch(card, task, spaces)
-    if problem:
-        raise TeacherMismatch(f"{problem}; give the --task it was trained on")
-    _check_leaves(policy, card)
-    policy = _fitted(policy, f"teacher '{name}'", *env_spaces, rescale=rescale)
-    network = ActorCritic(spaces, net, 1)
-    weights.load_policy(network, policy.leaves | normalizer, f"teacher '{name}'")
-    return network, card.model_copy(update={"score": score(network, task, policy.seed)})
 
 
 def _fitted(

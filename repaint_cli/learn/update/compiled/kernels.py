@@ -5,7 +5,7 @@ cache depends on changes of this file only. Shapes: n samples of a seed, b of th
 observation, A actions, P parameters of a network, which is a policy or a critic.
 """
 
-from math import exp, expm1, log, pi, sqrt
+from math import exp, expm1, inf, log, pi, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -113,9 +113,9 @@ def adam(view: AdamView, step: int) -> None:
 
     A gradient that is too long is scaled down first: g ← g·min(1, c/(‖g‖ + 10⁻⁶)).
     """
-    shrink = view.max_grad_norm / (sqrt(np.dot(view.gradients, view.gradients)) + 1e-6)
-    if shrink < 1:
-        view.gradients[:] *= np.float32(shrink)
+    if view.max_grad_norm < inf:
+        shrink = view.max_grad_norm / (sqrt(np.dot(view.gradients, view.gradients)) + 1e-6)
+        view.gradients[:] *= np.float32(min(shrink, 1.0))
     rate = np.float32(view.learning_rate / (1 - 0.9**step))
     scale = np.float32(1 / sqrt(1 - 0.999**step))
     for i in range(len(view.parameters)):
