@@ -7,6 +7,7 @@ its file, or is passed in.
 
 import os
 from collections.abc import Callable
+from time import perf_counter
 from typing import Any, TypeVar, cast
 
 import numba
@@ -23,9 +24,9 @@ _compilations = event.TimingListener()  # type: ignore[no-untyped-call]
 event.register("numba:compile", _compilations)  # type: ignore[no-untyped-call]
 
 
-def seconds_of_compiling() -> float:
-    """Return how long this process has compiled kernels until now, s."""
-    return float(_compilations.duration) if _compilations.done else 0.0
+def training_clock() -> float:
+    """Return the time of a clock that stands while kernels are compiled, s: that happens once."""
+    return perf_counter() - (_compilations.duration if _compilations.done else 0.0)
 
 
 def compiling() -> bool:

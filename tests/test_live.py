@@ -6,9 +6,11 @@ import pty
 import re
 import subprocess
 import sys
+from time import perf_counter, sleep
 
 import numpy as np
 import pytest
+from numba.core.event import trigger_event
 from rich.console import Console
 from small_learners import learner_of, training
 from small_tasks import guess, reach
@@ -42,7 +44,7 @@ def test_durations_are_for_people(seconds, text):
 
 
 def paced(clock, seconds, compiling=0.0):
-    pace = Pace(lambda: compiling if clock.now > 100 else 0.0)
+    pace = Pace(lambda: clock.now - (compiling if clock.now > 100 else 0.0))
     for one in seconds:
         clock.now += one
         pace.add()
@@ -76,12 +78,21 @@ def test_what_is_left_falls_within_an_iteration_and_follows_the_newest_ones(cloc
 def test_what_is_left_is_right_within_a_third_from_the_second_iteration_on(clock, growth, noise):
     rng = np.random.default_rng(0)
     seconds = 20 * growth ** np.arange(30) * np.exp(noise * rng.standard_normal(30))
-    pace = Pace()
+    pace = Pace(lambda: clock.now)
     for k, one in enumerate(seconds[:-1], 1):
         clock.now += one
         pace.add()
         if k >= 2:
             assert pace.left(30 - k) == pytest.approx(seconds[k:].sum(), rel=1 / 3)
+
+
+def test_the_clock_of_a_training_stands_while_code_is_compiled():
+    began, clock = perf_counter(), kernels.training_clock()
+    with trigger_event("numba:compile"):
+        sleep(0.05)
+    clock = kernels.training_clock() - clock
+    assert perf_counter() - began - clock >= 0.05
+    assert clock >= 0
 
 
 def drawn(console, **options):

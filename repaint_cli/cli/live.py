@@ -91,21 +91,21 @@ class Pace:
     LONG = 10.0
     """A first iteration of so many seconds counts, too; in a shorter one most is warming up."""
 
-    def __init__(self, compiling: Callable[[], float] = lambda: 0.0) -> None:
-        """Begin to measure; `compiling` says how long code was compiled until now, s."""
-        self._compiling = compiling
+    def __init__(self, clock: Callable[[], float]) -> None:
+        """Begin to measure, by a clock that may stand while code is compiled, s."""
+        self._clock = clock
         self.begin()
 
     def begin(self) -> None:
         """Begin to measure; what was measured before does not count."""
         self._seconds: list[float] = []
-        self._since, self._compiled = monotonic(), self._compiling()
+        self._since = self._clock()
 
     def add(self) -> None:
         """An iteration has ended."""
-        now, compiled = monotonic(), self._compiling()
-        self._seconds.append(now - self._since - (compiled - self._compiled))
-        self._since, self._compiled = now, compiled
+        now = self._clock()
+        self._seconds.append(now - self._since)
+        self._since = now
 
     def iteration(self) -> float | None:
         """Return how long an iteration takes, s; None while that is not known."""
@@ -117,4 +117,4 @@ class Pace:
     def left(self, iterations: int) -> float | None:
         """Return how long so many more iterations take from now on, s."""
         one = self.iteration()
-        return None if one is None else max(0.0, one * iterations - (monotonic() - self._since))
+        return None if one is None else max(0.0, one * iterations - (self._clock() - self._since))

@@ -10,7 +10,7 @@ from repaint_cli.cli.live import Pace, live
 from repaint_cli.cli.printing import out, print_written
 from repaint_cli.errors import OutputError, RepaintError, StoreError, Terminated
 from repaint_cli.files.commands import command
-from repaint_cli.kernels import compiling, seconds_of_compiling
+from repaint_cli.kernels import compiling, training_clock
 from repaint_cli.runs.carry_out import TrainedRun, Watcher
 from repaint_cli.runs.comparison_words import duration
 from repaint_cli.runs.experiment import Experiment
@@ -27,7 +27,7 @@ class Screen(Watcher):
         """The plan of a run that has begun and whose files are not all written."""
         self._training = False
         self._numbers, self._total, self._done = "", 0, 0
-        self._pace, self._estimated = Pace(seconds_of_compiling), False
+        self._pace, self._estimated = Pace(training_clock), False
 
     def _left(self) -> float | None:
         return self._pace.left(self._total - self._done)

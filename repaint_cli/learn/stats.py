@@ -1,10 +1,10 @@
 """Statistics of an iteration: the loops yield them, and metrics.csv holds them."""
 
 from dataclasses import dataclass
-from time import perf_counter
 
 import numpy as np
 
+from repaint_cli.kernels import training_clock
 from repaint_cli.learn.learner import Learner
 from repaint_cli.learn.rollout.storage import Rollout
 from repaint_cli.learn.transfer.schedules import Phase
@@ -31,7 +31,7 @@ class Meter:
 
     def __init__(self, learner: Learner) -> None:
         self._learner, self._before = learner, learner.env_steps.copy()
-        self._started = perf_counter()
+        self._started = training_clock()
 
     def stats(
         self, phase: Phase, metrics: dict[str, np.ndarray], rollout: Rollout | None
@@ -43,7 +43,7 @@ class Meter:
             metrics: its losses and diagnostics, (S,) each.
             rollout: what the students did, if they acted.
         """
-        seconds, learner = perf_counter() - self._started, self._learner
+        seconds, learner = training_clock() - self._started, self._learner
         taken = learner.env_steps - self._before
         metrics = metrics | {
             "env_steps": learner.env_steps.copy(),

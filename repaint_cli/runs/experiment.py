@@ -4,7 +4,6 @@ from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from time import perf_counter
 
 import numpy as np
 
@@ -12,6 +11,7 @@ from repaint_cli.activity import doing
 from repaint_cli.envs.logs import EpisodeLog
 from repaint_cli.errors import RepaintError, StoreError, locate_divergence
 from repaint_cli.files.provenance import versions
+from repaint_cli.kernels import training_clock
 from repaint_cli.learn import ppo, q_learning
 from repaint_cli.learn.evaluation import evaluate
 from repaint_cli.learn.learner import Learner
@@ -129,7 +129,7 @@ class Experiment:
             StoreError: the disk is full.
         """
         learner, card = self.learner, self.card
-        started, outcome = perf_counter() - self.progress.seconds, "interrupted"
+        started, outcome = training_clock() - self.progress.seconds, "interrupted"
         if logs := card.env.logs:
             places = logs.folders(self.plan.folder, self.plan.seeds)
             self._logs = [logs.open(path, card.logged) for path in places]
@@ -142,12 +142,12 @@ class Experiment:
                 with locate_divergence(learner.seeds, f"evaluation after iteration {k}"):
                     episodes = evaluate(learner.student, card, learner.seeds, card.eval.episodes, k)
                 inform_course(learner, self.course, stats, episodes)
-                report = Report(stats, episodes, perf_counter() - started)
+                report = Report(stats, episodes, training_clock() - started)
                 self.save(report)
                 yield report
             outcome = "finished"
         finally:
-            self.progress.seconds = perf_counter() - started
+            self.progress.seconds = training_clock() - started
             if outcome != "finished":
                 self._restore_last_iteration()
             self._write_record(outcome)
