@@ -50,8 +50,8 @@ test-light:
 	$(LIGHT)/ruff check
 	$(LIGHT)/pytest
 
-# Side-by-side speed measurements, an hour in all; let nothing else run meanwhile.
-BENCHMARKS := training_mujoco training_racer startup scaling simulators pieces records
+# Side-by-side speed measurements, an hour and a half in all; let nothing else run meanwhile.
+BENCHMARKS := training_mujoco training_racer startup scaling simulators pieces records crowded
 bench: $(READY)
 	$(BIN)/python -m pip install --quiet -c constraints.txt -e '.[bench]'
 	for name in $(BENCHMARKS); do $(BIN)/python benchmarks/$$name.py || exit 1; done

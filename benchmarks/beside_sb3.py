@@ -1,7 +1,7 @@
 """PPO beside Stable-Baselines3's: what a seed earns while it learns, with the same numbers.
 
     python benchmarks/beside_sb3.py                     # the table of what was measured
-    python benchmarks/beside_sb3.py --measure CartPole  # measures CartPole, Pendulum, HalfCheetah
+    python benchmarks/beside_sb3.py --measure CartPole  # or Pendulum, HalfCheetah: what is missing
 
 The numbers are those of rl-baselines3-zoo, also the longest gradient and whether observations
 are normalised; "repaint's defaults" are its own of these two: observations are normalised, and
@@ -18,7 +18,7 @@ import argparse
 import csv
 import warnings
 from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, field
 from multiprocessing import get_context
 from pathlib import Path
@@ -89,8 +89,8 @@ def area(returns: Sequence[float], lengths: Sequence[int]) -> float:
     return float(np.average(returns, weights=lengths))
 
 
-def sb3(task: str, seed: int) -> float:
-    """Train one seed with Stable-Baselines3; return its area."""
+def sb3(task: str, seed: int) -> list[float]:
+    """Train one seed with Stable-Baselines3; return its area, (1,)."""
     warnings.simplefilter("ignore")
     import torch
     from stable_baselines3 import PPO
@@ -117,7 +117,7 @@ def sb3(task: str, seed: int) -> float:
     )  # fmt: skip
     learner.learn(numbers.steps)
     episodes = learner.ep_info_buffer or []
-    return area([one["r"] for one in episodes], [one["l"] for one in episodes])
+    return [area([one["r"] for one in episodes], [one["l"] for one in episodes])]
 
 
 _SB3_NAMES = {"minibatch_size": "batch_size"}
@@ -173,24 +173,39 @@ def card_of(numbers: Numbers, defaults: bool) -> Any:
     return TaskCard.parse(data, "a benchmark")
 
 
+LIBRARIES = ("sb3", "repaint", "repaint, defaults")
+
+
 def measure(task: str, processes: int) -> None:
-    """Train all seeds with both libraries, and put the areas in the place of earlier ones."""
-    seeds = range(TASKS[task].n_seeds)
+    """Train the seeds that the file lacks, and add each area to it as soon as it is known."""
+    known = {(row["library"], int(row["seed"])) for row in read() if row["task"] == task}
+    missing = {
+        library: [s for s in range(TASKS[task].n_seeds) if (library, s) not in known]
+        for library in LIBRARIES
+    }
     with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
-        ours = pool.submit(repaint, task, seeds)
-        own = pool.submit(repaint, task, seeds, defaults=True)
-        others = list(pool.map(sb3, [task] * len(seeds), seeds))
-        measured = {"repaint": ours.result(), "repaint, defaults": own.result(), "sb3": others}
-    kept = [row for row in read() if row["task"] != task]
-    kept += [
+        jobs: dict[Future[list[float]], tuple[str, list[int]]] = {}
+        for library in LIBRARIES[1:]:
+            if seeds := missing[library]:
+                learning = pool.submit(repaint, task, seeds, defaults="defaults" in library)
+                jobs[learning] = library, seeds
+        for seed in missing["sb3"]:
+            jobs[pool.submit(sb3, task, seed)] = "sb3", [seed]
+        for job in as_completed(jobs):
+            add(task, *jobs[job], job.result())
+
+
+def add(task: str, library: str, seeds: Sequence[int], areas: Sequence[float]) -> None:
+    """Add areas to the file."""
+    rows = read() + [
         {"task": task, "library": library, "seed": str(seed), "area": f"{number:.6g}"}
-        for library, areas in measured.items()
         for seed, number in zip(seeds, areas, strict=True)
     ]
+    rows.sort(key=lambda r: (list(TASKS).index(r["task"]), r["library"], int(r["seed"])))
     with RESULTS.open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, ("task", "library", "seed", "area"), lineterminator="\n")
         writer.writeheader()
-        writer.writerows(sorted(kept, key=lambda row: list(TASKS).index(row["task"])))
+        writer.writerows(rows)
 
 
 def read() -> list[dict[str, str]]:
@@ -221,7 +236,7 @@ def table() -> Table:
             library: np.array(
                 [float(r["area"]) for r in read() if (r["task"], r["library"]) == (task, library)]
             )
-            for library in ("sb3", "repaint", "repaint, defaults")
+            for library in LIBRARIES
         }
         for library, own in areas.items():
             if len(own):
@@ -235,7 +250,9 @@ def table() -> Table:
 def main() -> None:
     """Measure a task, or print what was measured."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--measure", choices=TASKS, help="train all seeds of this task")
+    parser.add_argument(
+        "--measure", choices=TASKS, help="train the seeds of this task that are not measured yet"
+    )
     parser.add_argument("--processes", type=int, default=2, help="how many train at once")
     chosen = parser.parse_args()
     if chosen.measure:

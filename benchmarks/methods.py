@@ -2,6 +2,7 @@
 
     python benchmarks/methods.py choose reacher     # many candidates for the defaults
     python benchmarks/methods.py confirm reacher    # the best of them on fresh seeds, for longer
+    python benchmarks/methods.py scale racer-outer  # the scale of L_ins × α₂, small network
     python benchmarks/methods.py readme reacher     # scratch, kickstart, repaint twice; seeds 0-2
 
 Each row is one `repaint transfer` in a process of its own with one thread, two at a time. The runs
@@ -124,6 +125,22 @@ def confirm_rows(task: str) -> Iterator[Row]:
         yield Row(label, "repaint", teacher, options)
 
 
+def scale_rows(task: str) -> Iterator[Row]:
+    """Yield the scales of L_ins × α₂, with the paper's other numbers and with ours."""
+    small = SMALL if task.startswith("racer") else ()
+    yield Row("scratch", "scratch", None, small)
+    for teacher in TEACHERS[task]:
+        for basis, numbers in {"paper's numbers": paper_numbers(task), "our numbers": ()}.items():
+            for scale, alpha in product(("raw", "student"), (1, 0.3, 0.1)):
+                options = small + numbers
+                options += sets(select__loss_scale=scale, transfer__alpha_2=alpha)
+                label = f"repaint from {teacher}, {basis}, {scale}, α₂={alpha}"
+                yield Row(label, "repaint", teacher, options)
+
+
+SMALL = sets(net__conv="[[16,8,4],[32,4,2]]", net__dense=128, net__pool=4)
+"""A camera network that takes a tenth of the card's time and learns much the same."""
+
 TEACHERS = {"reacher": ("reacher-gentle", "reacher-away"), "racer-outer": ("racer-inner",)}
 BETAS = {"reacher": (0.2, 1.0), "racer-outer": (0.2,)}
 LENGTHS = {"reacher": (15, 4), "racer-outer": (4,)}
@@ -143,7 +160,9 @@ FINALISTS = {
     ),
 }  # fmt: skip
 """β₀, K, the scale of ζ, α₂, the softmax temperature of a discrete teacher, and R of the ratio."""
-ROWS = {"choose": choose_rows, "confirm": confirm_rows, "readme": readme_rows}
+ROWS = {
+    "choose": choose_rows, "confirm": confirm_rows, "readme": readme_rows, "scale": scale_rows,
+}  # fmt: skip
 PLANS = {
     ("readme", "reacher"): ("0", "3", "20"),
     ("readme", "racer-outer"): ("0", "3", "20"),
@@ -151,6 +170,8 @@ PLANS = {
     ("choose", "racer-outer"): ("100", "2", "8"),
     ("confirm", "reacher"): ("103", "10", "20"),
     ("confirm", "racer-outer"): ("102", "3", "20"),
+    ("scale", "reacher"): ("100", "10", "20"),
+    ("scale", "racer-outer"): ("100", "10", "8"),
 }
 """First seed, number of seeds, iterations."""
 

@@ -18,6 +18,7 @@ NAMES = (
     "simulators",
     "pieces",
     "records",
+    "crowded",
 )
 SPEED = (ROOT / "docs" / "speed.md").read_text(encoding="utf-8")
 
