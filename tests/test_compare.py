@@ -4,6 +4,7 @@ import csv
 import io
 import json
 import re
+import shlex
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -181,6 +182,7 @@ def test_compare_lays_runs_side_by_side(repaint, two_runs):
     assert said.code == 0
     assert (two_runs / "compare.png").read_bytes().startswith(b"\x89PNG")
     assert "repaint from old-hand" in said.out
+    assert said.out.endswith("\nnext: repaint compare one two --report report\n")
     printed = json.loads(repaint("compare", "one", "two", "--json").out)
     scratch, taught = printed["runs"]
     returns = column(two_runs / "one", "eval_return")
@@ -199,6 +201,7 @@ def column(folder, name):
 def test_a_report_stands_alone(repaint, two_runs):
     said = repaint("compare", "one", "two", "--report", "report")
     assert said.code == 0
+    assert said.out.endswith("\nnext: repaint open report\n")
     folder = two_runs / "report"
     names = {"report.html", "comparison.csv", "curves.csv", "curves.png", "curves.svg"}
     assert {path.name for path in folder.iterdir()} == names
@@ -219,6 +222,23 @@ def test_a_target_and_a_reference_may_be_named(repaint, two_runs):
     printed = json.loads(repaint(*words).out)
     assert (printed["target"], printed["reference"]) == (-99, "repaint from old-hand")
     assert [row["k"] for row in printed["runs"]] == [1, 1]
+
+
+def test_a_comparison_of_one_run_names_the_training_that_it_lacks(repaint, two_runs):
+    said = repaint("compare", "two")
+    scratch = "next: repaint transfer --task reacher --method scratch --set "
+    assert said.out.splitlines()[-1].startswith(scratch)
+    following = said.out.splitlines()[-1].removeprefix("next: repaint ")
+    assert repaint(*shlex.split(following), "--run", "three").code == 0
+    assert repaint("compare", "two", "three").out.startswith("reacher, target")
+    assert repaint("compare", "one").out.endswith("\nnext: repaint open one\n")
+
+
+def test_another_reference_and_target_are_kept_in_the_command_of_the_report(repaint, two_runs):
+    said = repaint("compare", "one", "two", "--target", "-99", "--reference", "repaint")
+    assert said.out.endswith(
+        "\nnext: repaint compare one two --reference two --target=-99.0 --report report\n"
+    )
 
 
 def test_compare_does_without_a_scratch_run_and_passes_over_runs_that_never_began(

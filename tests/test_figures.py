@@ -300,9 +300,19 @@ def test_a_training_of_one_iteration_has_pictures_too(drawn, tmp_path):
         plot_progress(drives, np.array([3.0]), tmp_path / "p.png", "t")
     titles = [[axes.get_title() for axes in figure.axes[:4]] for figure in drawn[::2]]
     assert titles == [
-        ["iteration 1 · 5 episodes · 100 % laps"] + 3 * ["no episodes"],
-        4 * ["no episodes"],
+        ["iteration 1 · 5 episodes · 100 % laps", ""],  # and the colour bar
+        ["no episodes", ""],
     ]
+
+
+def test_a_short_training_has_a_part_an_iteration_and_the_colours_have_a_top(drawn, tmp_path):
+    plot_heatmap(training(3), **OVAL, path=tmp_path / "h.png", title="t")
+    *panels, bar = drawn[0].axes
+    titles = [axes.get_title() for axes in panels if axes.get_visible()]
+    assert [title.split(" · ")[0] for title in titles] == [f"iteration {k}" for k in (1, 2, 3)]
+    ticks = bar.get_yticks()
+    assert ticks[-1] == max(axes.collections[0].get_array().max() for axes in panels)
+    assert (np.diff(np.log(ticks)) > 0.2).all()
 
 
 def test_progress_tells_training_from_evaluation(drawn, tmp_path):
@@ -311,7 +321,7 @@ def test_progress_tells_training_from_evaluation(drawn, tmp_path):
     lines = {line.get_label(): line.get_xydata() for line in axes.lines}
     assert len(lines["training episode"]) == 35
     assert_allclose(lines["their mean"], [[k, 12.5 * k] for k in (1, 3, 4, 5, 6, 7, 8)])
-    assert_allclose(lines["share of whole laps"][:, 1], [0] * 6 + [100])
+    assert_allclose(lines["whole laps [%]"][:, 1], [0] * 6 + [100])
     assert_allclose(lines["mean of the evaluation"], [[k, k] for k in range(1, 9)])
 
 

@@ -1,6 +1,7 @@
 """A teacher of the user's own under a shipped name: said at each use, and both can be named."""
 
 import json
+import re
 import shutil
 
 import pytest
@@ -44,11 +45,16 @@ def test_the_three_commands_run_as_typed_twice_in_a_row(repaint, small_races):
         first, *rest = (line for line in said.out.splitlines() if line.startswith("note: "))
         replaced = "note: this will replace your teacher 'racer-inner' of 20"
         assert first.startswith(replaced) == (turn == 2)
-        assert [first, *rest][-2:] == [
-            "note: your teacher 'racer-inner' will stand before the shipped one, which is "
-            "racer-inner@shipped",
-            "note: 'racer-inner' now is your own teacher; the shipped one is racer-inner@shipped",
-        ]
+        before, after, undo = [first, *rest][-3:]
+        assert before == (
+            "note: your teacher 'racer-inner' will stand before the shipped one, "
+            "racer-inner@shipped, score 0"
+        )
+        assert re.fullmatch(
+            "note: 'racer-inner' now is your own teacher, score [-0-9.]+; the shipped one is "
+            "racer-inner@shipped, score 0", after
+        )  # fmt: skip
+        assert undo.endswith("repaint zoo remove racer-inner")
         said = repaint("transfer", "--teacher", "racer-inner", "--task", "racer-outer")
         assert said.code == 0, said.err
         note = "note: teacher 'racer-inner' is your own; the shipped one is racer-inner@shipped\n"

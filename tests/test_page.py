@@ -188,7 +188,7 @@ def test_the_tables_of_a_comparison_are_its_numbers(repaint, two, home):
     ]
     assert "the best mean of scratch" in page.words
     assert "repaint from gentle earned" in page.words
-    assert "repaint compare one two --reference one --report report" in page.words
+    assert "repaint compare one two --report report" in page.words
 
 
 def test_the_page_of_a_run_offers_round_targets(two):

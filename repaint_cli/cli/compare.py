@@ -9,9 +9,10 @@ from repaint_cli.cli.compare_options import DEFAULT_METHODS, CompareOptions
 from repaint_cli.cli.dry_run import dry_run
 from repaint_cli.cli.option_rules import check_together, parsed_into, settings_of
 from repaint_cli.cli.option_values import parse_methods, parse_target, seed_list
+from repaint_cli.files.commands import command
 
 if TYPE_CHECKING:
-    from repaint_cli.runs.compare import EvaluatedRun
+    from repaint_cli.runs.compare import ComparedRuns, EvaluatedRun
     from repaint_cli.runs.comparison import Comparison
     from repaint_cli.runs.plan import Plan
 
@@ -84,7 +85,22 @@ def _compare(options: CompareOptions, folders: list[Path], target: float | None)
         replace=options.replace,
     )
     if not options.json:
-        print_written(compared.written, "repaint transfer --help")
+        print_written(compared.written, _next_command(compared, options.report))
+
+
+def _next_command(compared: "ComparedRuns", report: Path | None) -> str:
+    """Return the next command worth typing: to see the report, to write it, or to train scratch."""
+    from repaint_cli.runs.comparison_report import report_command
+    from repaint_cli.runs.run_command import scratch_command
+
+    if report:
+        return command("repaint open {}", report)
+    if len(compared.runs) > 1:
+        following = report_command(compared.runs, compared.comparison, Path("report"))
+    else:
+        run = next(iter(compared.runs.values()))
+        following = scratch_command(run.record, run.task) or command("repaint open {}", run.folder)
+    return following.replace("\\\n    ", "")
 
 
 def _train(options: CompareOptions, folders: list[Path]) -> list[Path]:

@@ -127,7 +127,7 @@ def evaluate(options: EvaluateOptions) -> None:
 
 def _next_command(options: EvaluateOptions, policies: "Policies") -> str:
     """Return the next command worth typing."""
-    if policies.teacher is None:
-        return command("repaint compare {}/*", policies.run_folder.parent)
+    if policies.teacher is None:  # a run's page shows its film and pictures
+        return command("repaint open {}", policies.run_folder)
     name = options.task if policies.teacher.task.reward_code else options.policy
     return command("repaint similarity {}", str(name))

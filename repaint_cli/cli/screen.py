@@ -85,6 +85,8 @@ class Screen(Watcher):
             out.print(f"[yellow]warning:[/yellow] {literal(notice)}")
         if trained.teacher:
             _print_notes(namesakes.of_trained(trained.teacher))
+        elif plan.teacher_name:
+            _print_notes(namesakes.of_interrupted(plan.teacher_name))
         print_written(
             trained.written, plan.resume_command if interrupted else next_command(trained)
         )

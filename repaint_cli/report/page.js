@@ -33,8 +33,8 @@
   };
 
   // Round steps of 1, 2 or 5 times a power of ten.
-  const ticks = (low, high, wanted) => {
-    const rough = (high - low) / wanted, power = 10 ** Math.floor(Math.log10(rough));
+  const ticks = (low, high, wanted, least = 0) => {
+    const rough = Math.max((high - low) / wanted, least), power = 10 ** Math.floor(Math.log10(rough));
     const step = [1, 2, 5, 10].map((n) => n * power).find((size) => size >= rough * 0.999);
     const places = Math.max(0, -Math.floor(Math.log10(step) + 1e-9));
     const list = [];
@@ -95,11 +95,11 @@
       group.append(line(left, right, py(y), py(y), "grid"));
       group.append(svg("text", { x: left - 6, y: py(y) + 4, "text-anchor": "end" }, label));
     }
+    const least = chosen.across === "iteration" ? 1 : 0;
     const columns = last > first
-      ? ticks(first / unit, last / unit, Math.max(3, (right - left) / 60))
+      ? ticks(first / unit, last / unit, Math.max(3, (right - left) / 60), least)
       : [[first / unit, short(first / unit)]];
     for (const [x, label] of columns) {
-      if (chosen.across === "iteration" && !Number.isInteger(x)) continue;
       const at = px(x * unit);
       group.append(line(at, at, bottom, bottom + 4, "axis"));
       group.append(svg("text", { x: at, y: bottom + 17, ...middle }, label));

@@ -63,7 +63,8 @@ def label_of(name: str, mean_return: float) -> str:
 
 
 def grid(n_panels: int, aspect: float, title: str) -> tuple[Figure, list[Axes]]:
-    """Return a figure with so many panels of height/width `aspect`, at most three a row."""
+    """Return a figure with so many panels of about height/width `aspect`, at most three a row."""
+    aspect = float(np.clip(aspect, 0.4, 1.4))
     columns = 2 if n_panels == 4 else max(1, min(n_panels, MAX_COLUMNS))
     rows = max(1, -(-n_panels // columns))
     side = {1: 5.6, 2: 4.3}.get(columns, 3.6)

@@ -13,6 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import Colormap, LinearSegmentedColormap, to_hex, to_rgb
 from matplotlib.figure import Figure
+from matplotlib.patheffects import withStroke
 from matplotlib.text import Text
 from matplotlib.typing import RcKeyType
 
@@ -94,8 +95,8 @@ def tidy(axes: Axes) -> None:
 def note(
     axes: Axes, text: str, at: tuple[float, float], units: tuple[str, str], colour: str = INK
 ) -> None:
-    """Write small words just above and to the right of a point."""
-    axes.annotate(
+    """Write small words just above and to the right of a point, readable on lines."""
+    words = axes.annotate(
         text,
         at,
         (3, 3),
@@ -103,7 +104,9 @@ def note(
         textcoords="offset points",
         size=NOTE_SIZE,
         color=colour,
+        zorder=4,
     )
+    words.set_path_effects([withStroke(linewidth=2.5, foreground=axes.get_facecolor())])
 
 
 def disable_mathtext(figure: Figure) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 
 from repaint_cli.files.atomic import write_text
 from repaint_cli.report.statistics import bootstrap_mean
-from repaint_cli.runs.comparison import COLUMNS, Comparison, as_row
+from repaint_cli.runs.comparison import COLUMNS, REFERENCE, Comparison, as_row, reference_of
 from repaint_cli.runs.figures import draw_curves
 from repaint_cli.runs.folder import PAGE
 from repaint_cli.runs.page import Values, write_page
@@ -41,6 +41,14 @@ def write_report(
 def report_files(folder: Path) -> list[Path]:
     """Return the files of a report."""
     return [folder / name for name in (PAGE, *PICTURES, *TABLES)]
+
+
+def report_command(runs: Mapping[str, RecordedRun], comparison: Comparison, folder: Path) -> str:
+    """Return the command that writes the report of a comparison."""
+    usual = comparison.reference in (None, reference_of(runs, REFERENCE))
+    basis = None if usual else runs[str(comparison.reference)].folder
+    target = comparison.target if comparison.given else None
+    return compare_command([run.folder for run in runs.values()], basis, target, folder)
 
 
 def title_of(comparison: Comparison) -> str:
@@ -87,11 +95,8 @@ def _page(runs: Mapping[str, RecordedRun], comparison: Comparison, page: Path) -
 def _commands(
     runs: Mapping[str, RecordedRun], comparison: Comparison, folder: Path
 ) -> list[dict[str, str]]:
-    basis = runs[comparison.reference].folder if comparison.reference else None
-    target = comparison.target if comparison.given else None
-    folders = [run.folder for run in runs.values()]
     return [
-        {"what": "Make this page:", "text": compare_command(folders, basis, target, folder)},
+        {"what": "Make this page:", "text": report_command(runs, comparison, folder)},
         *(
             {"what": f"Begin a run like {label}:", "text": command_of(run.record, run.task)}
             for label, run in runs.items()

@@ -9,10 +9,10 @@ from urllib.parse import quote
 from repaint_cli.report.html import embedded
 from repaint_cli.runs.folder import RunFolder
 
-LARGEST = 3_000_000
+LARGEST = 5_000_000
 """Bytes of a file that a page holds."""
 
-LARGEST_PAGE = 6_000_000
+LARGEST_PAGE = 10_000_000
 """Bytes of all files that a page holds."""
 
 CAPTIONS = {
@@ -55,7 +55,7 @@ class PageFiles:
 
     def films(self, files: RunFolder, of: str = "") -> list[Shown]:
         """Return a run's film, where there is one."""
-        caption = f"{of}Episodes of the last policy, filmed by repaint eval."
+        caption = f"{of}The last policy, filmed by repaint eval."
         return [self.shown(files.film, caption)] if _is_own(files.film) else []
 
     def pictures(self, pictures: Iterable[Path], of: str = "") -> Iterator[Shown]:

@@ -47,6 +47,14 @@ def command_of(record: RunRecord, task: TaskCard) -> str:
     return _typed(words)
 
 
+def scratch_command(record: RunRecord, task: TaskCard) -> str | None:
+    """Return the command that trains the same from scratch, or None where that was the run."""
+    if record.method == "scratch":
+        return None
+    alone: dict[str, object] = {"method": "scratch", "teachers": [], "teacher_name": None}
+    return command_of(record.model_copy(update=alone), task)
+
+
 def compare_command(
     folders: Iterable[Path], reference: Path | None, target: float | None, report: Path
 ) -> str:

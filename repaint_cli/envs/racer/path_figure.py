@@ -57,7 +57,7 @@ def plot_racer(
     points = np.concatenate([inner, outer, *(panel.xy.reshape(-1, 2) for panel in panels)])
     low, high = np.nanmin(points, axis=0) - 0.2, np.nanmax(points, axis=0) + 0.2
     width, height = high - low
-    figure, panes = grid(len(panels), float(np.clip(height / width, 0.4, 1.4)), title)
+    figure, panes = grid(len(panels), height / width, title)
     scale, extend = scale_of(panels)
     for axes, panel in zip(panes, panels, strict=True):
         draw_road(axes, inner, outer, centre)
