@@ -11,6 +11,7 @@ from racer_reference import line_project, locate
 from repaint_cli.envs.racer.deepracer.params import CarState, closest_waypoints, params_of
 from repaint_cli.envs.racer.dynamics.car import FRONT_OFFSET
 from repaint_cli.envs.racer.env import RacerVectorEnv
+from repaint_cli.envs.racer.sight.noise import Noise
 from repaint_cli.envs.racer.track.track import Track
 
 ROOT = Path(__file__).parents[1]
@@ -87,6 +88,25 @@ def test_the_steering_angle_is_the_listed_number(angle):
     assert env.params(0)["steering_angle"] == angle
 
 
+def test_noise_moves_the_car_and_not_what_is_reported():
+    commands, cars = [], []
+    for noise in (None, Noise(action=0.1)):
+        env = RacerVectorEnv(load("oval"), 2, noise=noise)
+        env.reset(seed=0)
+        for t in range(12):
+            env.step(np.array([t % 10, 9]))
+            for row in range(2):
+                told = env.params(row)
+                commands.append((told["speed"], told["steering_angle"]))
+        cars.append(env._fleet.states.copy())
+        env.reset(seed=0)
+        assert env.params(0)["speed"] == 0
+    half = len(commands) // 2
+    assert commands[:half] == commands[half:]
+    assert {speed for speed, _ in commands} == {0.5, 1.0}
+    assert not np.allclose(*cars)
+
+
 @pytest.mark.parametrize("reverse", [False, True])
 def test_the_driven_direction_rules_waypoints_and_sides(reverse):
     _, params = driven(reverse=reverse, n_bots=0)
@@ -151,7 +171,7 @@ def follow_the_centre_line(params):
 def test_a_reward_function_pays_what_real_logs_say(kind):
     track, rows = real_log(kind)
     nothing = {
-        "is_reversed": False, "command": np.zeros(2), "progress": 0.0, "steps": 1, "seconds": 0.0,
+        "is_reversed": False, "chosen": np.zeros(2), "progress": 0.0, "steps": 1, "seconds": 0.0,
         "crashed": False, "poses": np.empty((0, 4)), "bots_along": np.empty(0),
         "encounter": np.zeros(6),
     }  # fmt: skip

@@ -1,15 +1,18 @@
 """Reward functions of DeepRacer users, run as they are."""
 
+import csv
 import re
 
 import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode
+from small_learners import learner_of
 
 from repaint_cli.envs.racer.deepracer.reward_file import RewardFile
 from repaint_cli.envs.racer.env import RacerVectorEnv
 from repaint_cli.envs.racer.track.files import load_track
 from repaint_cli.errors import CardError
+from repaint_cli.learn.seeding import Purpose
 from repaint_cli.tasks.card_files import read_task
 from repaint_cli.tasks.similarity import cosine
 
@@ -85,6 +88,44 @@ def test_each_environment_has_a_module_that_outlives_its_episodes():
     env.reset(seed=1)
     paid = [env.step(np.full(2, 7))[-1]["function"].tolist() for _ in range(8)]
     assert paid == [[k, k] for k in (1, 2, 3, 0, 4, 5, 6, 0)]  # a reset's step earns nothing
+
+
+EPISODES = """
+episodes = 0
+
+def reward_function(params):
+    global episodes
+    episodes += params["steps"] == 1
+    return float(episodes)
+"""
+
+
+def test_variables_last_from_iteration_to_iteration_and_begin_anew_at_a_resume(repaint, home, mine):
+    (home / "reward.py").write_text(EPISODES)
+    said = repaint("train-teacher", "--task", mine, "--iterations", 2, "--run", "run")
+    assert said.code == 0, said.err
+    rows = list(csv.DictReader((home / "run" / "metrics.csv").open()))
+    for name in ("episode_return", "eval_return"):  # each copy plays an episode an iteration
+        assert [float(row[name]) for row in rows] == pytest.approx([6.0, 12.0])
+    assert "begin anew" not in said.out
+    said = repaint("train-teacher", "--resume", "run", "--iterations", 3)
+    assert "warning: the variables of reward.py begin anew; if it remembers" in said.out
+    rows = list(csv.DictReader((home / "run" / "metrics.csv").open()))
+    assert float(rows[2]["eval_return"]) == pytest.approx(6.0)
+
+
+def test_copies_of_teachers_and_students_have_variables_of_their_own():
+    functions = []
+    first = RewardFile(RacerVectorEnv(load_track("oval"), 2), "r.py", COUNTER, functions)
+    first.reset(seed=1)
+    first.step(np.full(2, 7))
+    again = RewardFile(RacerVectorEnv(load_track("oval"), 3), "r.py", COUNTER, functions)
+    again.reset(seed=1)
+    assert again.step(np.full(3, 7))[-1]["function"].tolist() == [2, 2, 1]
+    learner = learner_of(read_task("cartpole"), [0])
+    mine, theirs = (learner.functions_of(of, 4) for of in (Purpose.TRAIN, Purpose.TEACHER))
+    assert mine is not theirs
+    assert mine is learner.functions_of(Purpose.TRAIN, 4)
 
 
 def test_parked_cars_are_not_asked():

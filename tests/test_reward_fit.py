@@ -48,7 +48,7 @@ def test_wandering_cars_see_the_whole_road_and_what_is_beside_it(track):
     road, env = load_track(track), read_task("racer-inner").env
     fleet = Fleet(road, 32, "sim4", 1500)
     gaps, ends, places = [], set(), []
-    for rows, gained in wander(fleet, commands_of(env.actions), 150, seed=1):
+    for rows, _, gained in wander(fleet, commands_of(env.actions), 150, seed=1):
         terms = fleet.terms(rows, gained)
         gaps.append(terms["lane"])
         ends |= set(fleet.status.tolist())

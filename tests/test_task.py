@@ -3,6 +3,8 @@
 import pytest
 from small_runs import add_teacher
 
+from repaint_cli.envs.racer.track.files import load_track
+from repaint_cli.files.paths import shipped_tasks
 from repaint_cli.learn.evaluation import spaces_of
 from repaint_cli.policies.spaces import Spaces
 from repaint_cli.tasks.card_files import read_task
@@ -44,6 +46,17 @@ def test_another_environment_or_weight_is_another_task(setting, section):
     assert card.task != other.task
     assert len({card.task, other.task}) == 2
     assert card.difference(other) == other.difference(card) == section
+
+
+def test_the_time_limit_follows_from_the_track_and_the_slowest_action_unless_a_card_says_it():
+    card = read_task("racer-inner")
+    slow = card.with_settings(["env.actions=[[-15, 0.1], [0, 2], [15, 0.2]]"])
+    a_lap = 15 * load_track(card.env.track).length / 0.1  # steps
+    assert slow.env.longest_episode() == pytest.approx(1.5 * a_lap, abs=1)
+    assert slow.with_settings(["env.max_steps=9"]).env.longest_episode() == 9
+    shipped = [read_task(name) for name in shipped_tasks() if name.startswith("racer")]
+    assert {one.env.longest_episode() for one in shipped} == {1500}
+    assert card.with_settings(["env.max_steps=1500"]).task == card.task  # as runs before had it
 
 
 def test_cards_of_one_task_may_differ():

@@ -4,7 +4,8 @@
 """
 
 from abc import ABC, abstractmethod
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -12,17 +13,25 @@ if TYPE_CHECKING:
     from repaint_cli.envs.simulator import Environments
 
 
+Functions = list[Callable[[dict[str, Any], int], float]]
+"""A user's function for each copy of an environment, with variables of its own."""
+
+
 class RewardFunctions(ABC):
     """Lets a user's function pay for steps, and tells what it pays where."""
 
     @abstractmethod
-    def apply(self, env: "Environments", name: str, source: str) -> "Environments":
+    def apply(
+        self, env: "Environments", name: str, source: str, functions: Functions | None = None
+    ) -> "Environments":
         """Return the environments with the one term "function", which the function pays.
 
         Args:
             env: what `Simulator.make` returned.
             name: the function's file, for messages.
             source: its text.
+            functions: those of copies made before, whose variables go on; those of further copies
+                are added.
 
         Raises:
             CardError: the text does not run or has no such function.

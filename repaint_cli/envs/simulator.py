@@ -8,7 +8,7 @@ line in `registry.REGISTRY`. Importing this brings no arrays, which `similarity`
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self
 
 from repaint_cli.errors import RenderError
 from repaint_cli.settings import EvalConfig, Settings
@@ -127,11 +127,20 @@ class Simulator(Settings, ABC):
         """All terms that it can pay, by name; None where only a running environment shows them."""
         return None
 
+    @property
+    def platform(self) -> str | None:
+        """Which of the paper's platforms it is, a name in `tasks.paper.PAPER`, or None."""
+        return None
+
     def same_world(self, other: "Simulator") -> bool:
         """Return whether the reward terms of both mean the same, so that weights compare."""
         if self.reward_terms is None or other.reward_terms is None:
             return self == other
         return type(self) is type(other) and self.reward_terms == other.reward_terms
+
+    def settled(self) -> Self:
+        """Return the settings with the values of those that follow from others where absent."""
+        return self
 
     def symmetries(self) -> tuple[Any, ...]:
         """Return the symmetries of observations, actions and terms: none are known yet."""

@@ -9,6 +9,7 @@ import numpy as np
 
 from repaint_cli.activity import doing
 from repaint_cli.envs.episodes import Episodes
+from repaint_cli.envs.reward_functions import Functions
 from repaint_cli.envs.reward_terms import numbers_in
 from repaint_cli.errors import CardError
 from repaint_cli.learn.rollout.collect import Policy, clip, collect, start
@@ -75,6 +76,7 @@ def evaluate(
     purpose: Purpose = Purpose.EVALUATE,
     *,
     keep_observations: bool = False,
+    functions: Functions | None = None,
 ) -> Episodes:
     """Play E episodes with each seed's most likely actions.
 
@@ -90,10 +92,14 @@ def evaluate(
         iteration: after which iteration.
         purpose: EVALUATE during training, SCORE for a teacher's score.
         keep_observations: whether to return what the policies observed.
+        functions: the user's reward functions of earlier evaluations, whose variables go on.
     """
     act = policy.policy if isinstance(policy, ActorCritic) else policy
     noise = task.eval.noise == "paper"
-    env, obs = start(task, seeds, n_episodes, purpose, iteration, one_episode=True, noise=noise)
+    env, obs = start(
+        task, seeds, n_episodes, purpose, iteration,
+        one_episode=True, noise=noise, functions=functions,
+    )  # fmt: skip
     rngs = [generator(seed, purpose, iteration) for seed in seeds]
     with doing("playing" if purpose is Purpose.SCORE else "evaluating"):
         rollout = collect(env, obs, act, rngs, greedy=True, record=task.env.records)

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from repaint_cli.activity import doing
+from repaint_cli.envs.reward_functions import Functions
 from repaint_cli.learn.rollout.batches import even_share
 from repaint_cli.learn.rollout.collect import Policy, collect, start
 from repaint_cli.learn.rollout.storage import Rollout
@@ -35,13 +36,18 @@ class Learner:
     """The replay buffer of Q-learning: each seed's newest transitions."""
     streams: dict[str, Stream] = field(default_factory=dict)
     """The environments that rollouts go on with, by who acts in them, where episodes continue."""
+    functions: dict[tuple[Purpose, int, int], Functions] = field(default_factory=dict)
+    """A user's reward function for each copy of the environment, whose variables last as long as
+    the training does; no checkpoint holds them."""
 
     @classmethod
-    def fresh(cls, student: ActorCritic, seeds: list[int], learning_rate: float) -> "Learner":
-        """Start with newly drawn parameters."""
+    def fresh(
+        cls, student: ActorCritic, seeds: list[int], learning_rate: float, *, joint: bool = False
+    ) -> "Learner":
+        """Start with newly drawn parameters; `joint` says whether updates are algorithm 1's."""
         n = len(seeds)
         student.initialize([generator(seed, Purpose.INITIALIZE) for seed in seeds])
-        optimizer = RowAdam(student, learning_rate)
+        optimizer = RowAdam(student, learning_rate, joint=joint)
         return cls(student, optimizer, seeds, 0, np.zeros(n, int))
 
     def collect(
@@ -121,7 +127,10 @@ class Learner:
                 own = self.streams[name] = Stream.begin(*where, stream)
             rollout = own.collect(policy, rngs, max(1, n_steps // n_envs), record)
         else:
-            env, obs = start(*where, stream=stream, one_episode=n_steps is None)
+            functions = self.functions_of(purposes[0], n_envs, stream)
+            env, obs = start(
+                *where, stream=stream, one_episode=n_steps is None, functions=functions
+            )
             rollout = collect(
                 env, obs, policy, rngs,
                 n_steps=n_steps, whole=card.ppo.whole_episodes, record=record,
@@ -129,6 +138,16 @@ class Learner:
             env.close()
         self.env_steps += rollout.valid.sum((0, 2))
         return rollout
+
+    def functions_of(self, purpose: Purpose, n_envs: int, stream: int = 0) -> Functions:
+        """Return the user's reward functions of S × N copies of the environment.
+
+        Args:
+            purpose: what the copies are for.
+            n_envs: N.
+            stream: which of several actors.
+        """
+        return self.functions.setdefault((purpose, n_envs, stream), [])
 
     def bring_streams_back(self, card: TaskCard) -> list[str]:
         """Bring the environments of a checkpoint's streams back to where they were.

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from repaint_cli.activity import doing
+from repaint_cli.envs.episodes import Episodes
 from repaint_cli.envs.logs import EpisodeLog
 from repaint_cli.errors import RepaintError, StoreError, locate_divergence
 from repaint_cli.files.provenance import versions
@@ -15,6 +16,7 @@ from repaint_cli.kernels import training_clock
 from repaint_cli.learn import ppo, q_learning
 from repaint_cli.learn.evaluation import evaluate
 from repaint_cli.learn.learner import Learner
+from repaint_cli.learn.seeding import Purpose
 from repaint_cli.learn.transfer.course import Course
 from repaint_cli.learn.transfer.courses import course_of
 from repaint_cli.policies.networks import ActorCritic
@@ -84,6 +86,11 @@ class Experiment:
         record.alarms = alarms_until(k, plan.files, begun)
         experiment.notices += [*progress.notices, *record.go_on_with(versions())]
         experiment.notices += experiment.learner.bring_streams_back(experiment.card)
+        if code := experiment.card.reward_code:
+            experiment.notices.append(
+                f"the variables of {code.name} begin anew; if it remembers anything from step to "
+                "step, this is another run from here on than one without a stop"
+            )
         experiment.progress = progress
         return experiment
 
@@ -99,7 +106,8 @@ class Experiment:
         spaces, teachers = plan.check()
         card = teachers.target
         student = ActorCritic(spaces, card.net, len(plan.seeds))
-        learner = Learner.fresh(student, plan.seeds, card.ppo.learning_rate)
+        joint = card.transfer.joint
+        learner = Learner.fresh(student, plan.seeds, card.ppo.learning_rate, joint=joint)
         if METHODS[plan.method].warm_start:
             warm_start(student, teachers)
         reference = None
@@ -140,7 +148,7 @@ class Experiment:
             for stats in TRAINERS[self.plan.algorithm](card, learner, self.course):
                 k = stats.iteration
                 with locate_divergence(learner.seeds, f"evaluation after iteration {k}"):
-                    episodes = evaluate(learner.student, card, learner.seeds, card.eval.episodes, k)
+                    episodes = self._evaluate(k)
                 inform_course(learner, self.course, stats, episodes)
                 report = Report(stats, episodes, training_clock() - started)
                 self.save(report)
@@ -152,6 +160,12 @@ class Experiment:
                 self._restore_last_iteration()
             self._write_record(outcome)
             learner.close()
+
+    def _evaluate(self, k: int) -> Episodes:
+        """Evaluate the students after iteration k."""
+        learner, n = self.learner, self.card.eval.episodes
+        functions = learner.functions_of(Purpose.EVALUATE, n)
+        return evaluate(learner.student, self.card, learner.seeds, n, k, functions=functions)
 
     def save(self, report: Report) -> None:
         """Put an iteration on disk; it counts once its checkpoint is there."""

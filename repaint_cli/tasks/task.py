@@ -13,6 +13,7 @@ from repaint_cli.envs.simulator import Simulator
 from repaint_cli.settings import EvalConfig, Settings
 
 if TYPE_CHECKING:
+    from repaint_cli.envs.reward_functions import Functions
     from repaint_cli.envs.reward_terms import RewardTerms
 
 
@@ -68,7 +69,7 @@ class Task(Settings):
 
     def difference(self, other: "Task") -> str | None:
         """Return the section of a card in which two tasks differ, or None."""
-        if self.env != other.env:
+        if self.env != other.env and self.env.settled() != other.env.settled():
             return "env"
         if self._weights() != other._weights():
             return "reward"
@@ -104,6 +105,7 @@ class Task(Settings):
         one_episode: bool = False,
         noise: EvalConfig | None = None,
         replayable: bool = False,
+        functions: "Functions | None" = None,
     ) -> "RewardTerms":
         """Make N copies of the environment; their rewards are w·φ.
 
@@ -112,6 +114,7 @@ class Task(Settings):
             one_episode: whether environments may stop for good after their first episode.
             noise: the amplitudes of evaluation noise, where it is wanted and the simulator has it.
             replayable: whether their episodes are to be such as can be played again, if possible.
+            functions: the user's reward functions of earlier copies; see `RewardFunctions.apply`.
 
         Raises:
             CardError: the environment cannot be made.
@@ -122,7 +125,7 @@ class Task(Settings):
         with captured():
             made = self.env.make_replayable(n_envs) if replayable else None
             env = made or self.env.make(n_envs, one_episode, noise)
-        code, functions = self.reward_code, self.env.reward_functions
-        if code and functions:
-            env = functions.apply(env, code.name, code.source)
+        code, kind = self.reward_code, self.env.reward_functions
+        if code and kind:
+            env = kind.apply(env, code.name, code.source, functions)
         return RewardTerms(env, self.reward, self.env.records, replayable=made is not None)

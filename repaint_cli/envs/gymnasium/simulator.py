@@ -18,6 +18,13 @@ if TYPE_CHECKING:
 REACHER = "Reacher-v5"
 """The environment whose fingertip's paths are drawn."""
 
+PLATFORMS = {
+    "Reacher": "reacher", "Ant": "ant",
+    **dict.fromkeys(("HalfCheetah", "Hopper", "Humanoid", "HumanoidStandup", "InvertedPendulum",
+                     "InvertedDoublePendulum", "Pusher", "Swimmer", "Walker2d"), "mujoco"),
+}  # fmt: skip
+"""The paper's name of MuJoCo's environments."""
+
 LONGEST_STEP = 1_000
 """Frames of the simulator in a step: nothing can interrupt one, and a card may be a stranger's."""
 
@@ -51,6 +58,11 @@ class GymnasiumSimulator(Simulator):
             if any(part is None for part in _parts_of(value)):
                 raise ValueError(f"expected numbers, texts, lists or tables as {name}")
         return kwargs
+
+    @property
+    def platform(self) -> str | None:
+        """The paper's Reacher or Ant, or another environment of MuJoCo's."""
+        return PLATFORMS.get(self.id.rpartition("-v")[0])
 
     def make(self, n_envs: int, one_episode: bool, noise: EvalConfig | None) -> "Environments":
         """Make N copies; they have no noise. See `Simulator.make`."""

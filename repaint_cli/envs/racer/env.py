@@ -105,6 +105,7 @@ class RacerVectorEnv(VectorEnv[Any, NDArray[np.int64], Any]):
         self._actions = commands_of(actions)
         self._set_spaces()
         self._fleet = Fleet(track, num_envs, car, max_steps, n_bots, crash)
+        self._chosen = np.zeros((num_envs, 2))  # the listed commands of the last step
         self._noise, self._is_reset = noise, False
         self._rngs = [np.random.default_rng() for _ in range(num_envs)]
         self._given_starts: Floats | None = None
@@ -182,6 +183,7 @@ class RacerVectorEnv(VectorEnv[Any, NDArray[np.int64], Any]):
         moving, ended = np.flatnonzero(running), np.flatnonzero(~running)
         if not self._parks:
             self._start(ended)
+        self._chosen[moving] = commands[moving]
         if self._noise is not None:
             for row in moving:
                 commands[row] = disturb_command(commands[row], self._noise, self._rngs[row])
@@ -197,8 +199,11 @@ class RacerVectorEnv(VectorEnv[Any, NDArray[np.int64], Any]):
         return self._observation(readings), infos["dprog"].copy(), terminations, truncations, infos
 
     def params(self, row: int) -> dict[str, Any]:
-        """Return DeepRacer's `params`, the argument of a reward function, of one car's state."""
-        return self._fleet.params(row)
+        """Return DeepRacer's `params`, the argument of a reward function, of one car's state.
+
+        Speed and steering in it are those of the action that was chosen, whatever noise made of it.
+        """
+        return self._fleet.params(row, self._chosen[row])
 
     def close_extras(self, **kwargs: Any) -> None:
         """Stop the sensors' threads."""
@@ -212,6 +217,7 @@ class RacerVectorEnv(VectorEnv[Any, NDArray[np.int64], Any]):
             fractions = np.zeros(self.num_envs)
             for row in rows:
                 fractions[row] = self._rngs[row].integers(START_PLACES) / START_PLACES
+        self._chosen[rows] = 0.0
         self._fleet.start(rows, fractions, self._reverse, self._rngs)
 
     def _infos(self, moving: Rows, gained: Floats) -> Infos:

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from repaint_cli.envs.racer.simulator import RacerSimulator
-from repaint_cli.envs.reward_functions import RewardFunctions
+from repaint_cli.envs.reward_functions import Functions, RewardFunctions
 
 if TYPE_CHECKING:
     from repaint_cli.envs.simulator import Environments
@@ -17,11 +17,13 @@ class RacerRewardFunctions(RewardFunctions):
     def __init__(self, env: RacerSimulator) -> None:
         self._env = env
 
-    def apply(self, env: "Environments", name: str, source: str) -> "Environments":
+    def apply(
+        self, env: "Environments", name: str, source: str, functions: Functions | None = None
+    ) -> "Environments":
         """Return the cars with a user's reward function; see `RewardFunctions.apply`."""
         from repaint_cli.envs.racer.deepracer.reward_file import RewardFile
 
-        return RewardFile(env, name, source)
+        return RewardFile(env, name, source, functions)
 
     def sample(self, name: str, source: str) -> tuple[np.ndarray, np.ndarray, list[str]]:
         """Return φ and rewards of what 64 wandering cars meet; see `RewardFunctions.sample`."""

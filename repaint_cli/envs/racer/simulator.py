@@ -1,14 +1,15 @@
 """Our racing simulator with its settings, behind the interface of simulators."""
 
-from math import isnan
+from contextlib import suppress
+from math import ceil, isnan
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
 from pydantic import Field, field_validator
 
 from repaint_cli.envs.racer.names import BOT_RECORDS, BOT_TERMS, RECORDS, STATUS, TERMS
 from repaint_cli.envs.simulator import CheckedFile, Simulator
-from repaint_cli.errors import CardError
+from repaint_cli.errors import CardError, RepaintError
 from repaint_cli.settings import EvalConfig
 
 if TYPE_CHECKING:
@@ -17,6 +18,10 @@ if TYPE_CHECKING:
     from repaint_cli.envs.racer.paths import RacerPaths
     from repaint_cli.envs.reward_functions import RewardFunctions
     from repaint_cli.envs.simulator import Environments
+
+
+LEAST_LIMIT = 1500
+"""Of an episode, steps, where the card says none."""
 
 
 class RacerSimulator(Simulator):
@@ -41,8 +46,9 @@ class RacerSimulator(Simulator):
     """Which crashes end an episode: those with a bot ahead, as DeepRacer's do, or any."""
     range_min: float = Field(0.12, ge=0, lt=1)
     """What the lidar reads of anything nearer, m."""
-    max_steps: int = Field(1500, gt=0)
-    """Time limit of an episode, in steps of 1/15 s."""
+    max_steps: int | None = Field(None, gt=0)
+    """Time limit of an episode, in steps of 1/15 s; absent: one and a half times what a lap takes
+    at the slowest of `actions`, and at least 1,500."""
 
     @field_validator("track")
     @classmethod
@@ -72,7 +78,7 @@ class RacerSimulator(Simulator):
             return RacerVectorEnv(
                 load_track(self.track), n_envs, car=self.car, actions=self.actions,
                 sensors=self.sensors, n_bots=self.n_bots, crash=self.crash,
-                range_min=self.range_min, max_steps=self.max_steps, noise=amplitudes,
+                range_min=self.range_min, max_steps=self.longest_episode(), noise=amplitudes,
                 autoreset_mode=AutoresetMode.DISABLED if one_episode else AutoresetMode.NEXT_STEP,
             )  # fmt: skip
         except ValueError as error:
@@ -80,7 +86,22 @@ class RacerSimulator(Simulator):
 
     def longest_episode(self) -> int:
         """Return the time limit, in steps."""
-        return self.max_steps
+        if self.max_steps is not None:
+            return self.max_steps
+        from repaint_cli.envs.racer.dynamics.car import STEP_SECONDS
+        from repaint_cli.envs.racer.track.files import load_track
+
+        slowest = min(speed for _, speed in self.actions)
+        lap = load_track(self.track).length / (slowest * STEP_SECONDS)
+        return max(LEAST_LIMIT, ceil(1.5 * lap))
+
+    def settled(self) -> Self:
+        """Return the settings with the time limit that follows; see `Simulator.settled`."""
+        if self.max_steps is not None:
+            return self
+        with suppress(RepaintError):  # the track's file is gone
+            return self.model_copy(update={"max_steps": self.longest_episode()})
+        return self
 
     def start_options(
         self, n_seeds: int, n_envs: int, iteration: int | None, both_directions: bool
@@ -102,6 +123,11 @@ class RacerSimulator(Simulator):
         return (*RECORDS, *BOT_RECORDS) if self.n_bots else RECORDS
 
     # The task
+
+    @property
+    def platform(self) -> str:
+        """The paper's single-car or multi-car racing."""
+        return "multi-car" if self.n_bots else "single-car"
 
     @property
     def choices(self) -> tuple[tuple[float, float], ...]:

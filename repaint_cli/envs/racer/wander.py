@@ -28,7 +28,7 @@ EXPLORATION = 0.1
 
 def wander(
     fleet: Fleet, commands: Floats, n_steps: int, seed: int
-) -> Iterator[tuple[Rows, Floats]]:
+) -> Iterator[tuple[Rows, Floats, Floats]]:
     """Drive all cars of a fleet for some steps, from places all over the lap.
 
     A car whose episode has ended begins another.
@@ -40,7 +40,8 @@ def wander(
         seed: of all random numbers.
 
     Yields:
-        after each step the cars that drove and their gains, as `Fleet.terms` takes them.
+        after each step the cars that drove, their commands (N, 2), and their gains, as
+        `Fleet.terms` takes them.
     """
     n, rng = len(fleet.states), np.random.default_rng(seed)
     rngs = rng.spawn(n)
@@ -57,7 +58,7 @@ def wander(
         chosen = _nearest(commands, _steering(fleet, aims), commands[speeds, 1])
         explores = rng.random(n) < EXPLORATION
         chosen[explores] = rng.integers(len(commands), size=explores.sum())
-        yield rows, fleet.drive(rows, commands[chosen])
+        yield rows, commands[chosen], fleet.drive(rows, commands[chosen])
 
 
 def _steering(fleet: Fleet, aims: Floats) -> Floats:
@@ -93,14 +94,14 @@ def sample_rewards(
     """
     track = load_track(env.track)
     try:
-        fleet = Fleet(track, N_CARS, env.car, env.max_steps, env.n_bots, env.crash)
+        fleet = Fleet(track, N_CARS, env.car, env.longest_episode(), env.n_bots, env.crash)
     except ValueError as error:
         raise CardError(f"[env]: {error}") from error
     functions = [RewardFunction(name, source) for _ in range(N_CARS)]
     phi, rewards, names = [], [], list[str]()
-    for rows, gained in wander(fleet, commands_of(env.actions), N_STEPS, seed=0):
+    for rows, chosen, gained in wander(fleet, commands_of(env.actions), N_STEPS, seed=0):
         terms = fleet.terms(rows, gained)
         names = list(terms)
         phi.append(np.stack([*terms.values()], axis=1))
-        rewards += [functions[row](fleet.params(row), row) for row in rows.tolist()]
+        rewards += [functions[row](fleet.params(row, chosen[row]), row) for row in rows.tolist()]
     return np.concatenate(phi), np.array(rewards), names

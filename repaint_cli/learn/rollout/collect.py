@@ -10,6 +10,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from repaint_cli.envs.reward_functions import Functions
 from repaint_cli.envs.reward_terms import RewardTerms
 from repaint_cli.errors import DivergedError
 from repaint_cli.learn.rollout.extent import Extent
@@ -35,6 +36,7 @@ def start(
     one_episode: bool = False,
     noise: bool = False,
     replayable: bool = False,
+    functions: Functions | None = None,
 ) -> tuple[RewardTerms, Any]:
     """Make and reset S × N environments with seeds of their own; return the first observations.
 
@@ -46,6 +48,7 @@ def start(
         one_episode=one_episode,
         noise=card.eval if noise else None,
         replayable=replayable,
+        functions=functions,
     )
     spread = purpose in (Purpose.EVALUATE, Purpose.SCORE)
     options = card.start_options(len(seeds), n_envs, None if spread else iteration)

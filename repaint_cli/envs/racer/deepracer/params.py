@@ -33,8 +33,8 @@ class CarState:
     """The front point, (2,), m."""
     yaw: float
     """Heading, rad."""
-    command: Floats
-    """The step's steering (rad) and speed (m/s), (2,)."""
+    chosen: Floats
+    """Steering (rad) and speed (m/s) of the action that was chosen, (2,)."""
     measures: Floats
     """`geometry.locate`'s answer, (6,)."""
     progress: float
@@ -68,8 +68,8 @@ def params_of(car: CarState) -> dict[str, Any]:
         "projection_distance": along,
         "progress": float(car.progress),
         "steps": float(car.steps),
-        "speed": float(car.command[1]),
-        "steering_angle": round(float(np.rad2deg(car.command[0])), 9),  # 15.0, as listed
+        "speed": float(car.chosen[1]),
+        "steering_angle": round(float(np.rad2deg(car.chosen[0])), 9),  # 15.0, as listed
         "track_width": float(m[ROAD_WIDTH]),
         "track_length": road.length,
         "waypoints": list(_waypoints(road)),

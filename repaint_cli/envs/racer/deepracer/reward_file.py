@@ -1,7 +1,7 @@
 """A DeepRacer user's own `reward_function(params)`, run as it is. It is their code, and trusted.
 
-Every environment has a copy of the module of its own, whose variables last as long as the
-environment does, from episode to episode.
+Every copy of the environment has a copy of the module of its own, whose variables last from episode
+to episode, and in a training from iteration to iteration.
 """
 
 import traceback
@@ -12,6 +12,7 @@ import numpy as np
 from gymnasium.vector import AutoresetMode, VectorWrapper
 
 from repaint_cli import interruption
+from repaint_cli.envs.reward_functions import Functions
 from repaint_cli.errors import CardError
 
 TERM = "function"
@@ -90,11 +91,14 @@ class RewardFunction:
 class RewardFile(VectorWrapper):
     """Adds what the user's function pays to the infos, as the reward term "function"."""
 
-    def __init__(self, env: Any, name: str, source: str) -> None:
-        """Run the module once per environment; see `RewardFunction`."""
+    def __init__(
+        self, env: Any, name: str, source: str, functions: Functions | None = None
+    ) -> None:
+        """Run the module once per environment that has no function yet; see `RewardFunction`."""
         super().__init__(env)
-        self._racer = env
-        self._functions = [RewardFunction(name, source) for _ in range(env.num_envs)]
+        self._racer, self._functions = env, [] if functions is None else functions
+        while len(self._functions) < env.num_envs:
+            self._functions.append(RewardFunction(name, source))
         self._ended = np.zeros(env.num_envs, bool)
         self._parks = env.metadata["autoreset_mode"] is AutoresetMode.DISABLED
 

@@ -188,8 +188,13 @@ class Fleet:
             "bots": self.bots.poses[..., :SIDE].copy(), "hit": self._encounters[:, HIT].copy()
         }  # fmt: skip
 
-    def params(self, row: int) -> dict[str, Any]:
-        """Return DeepRacer's `params` of one car's current state."""
+    def params(self, row: int, chosen: Floats) -> dict[str, Any]:
+        """Return DeepRacer's `params` of one car's current state.
+
+        Args:
+            row: which car.
+            chosen: steering (rad) and speed (m/s) of the last step's action, (2,).
+        """
         bots = self.bots
         return params_of(
             CarState(
@@ -197,7 +202,7 @@ class Fleet:
                 is_reversed=bool(self._directions.reverse[row]),
                 front=self._fronts[row],
                 yaw=float(self.states[row, YAW]),
-                command=self._commands[row],
+                chosen=chosen,
                 measures=self._measures[row],
                 progress=float(self._progress[row]),
                 steps=int(self._counters.steps[row]),
