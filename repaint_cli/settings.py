@@ -14,7 +14,6 @@ from pydantic import (
     BaseModel,
     ConfigDict,
     Field,
-    NonNegativeFloat,
     ValidationError,
     model_validator,
 )
@@ -97,7 +96,16 @@ class PPOConfig(Settings):
     clip_decay: int | None = Field(None, gt=0)
     """Iterations over which ε falls in a straight line to 0; constant where absent."""
     kl_coef: float = Field(1.0, ge=0)
-    """β of the objective `trpo`, weight of KL(μ‖π)."""
+    """β of the objective `trpo`, weight of KL(μ‖π_θ)."""
+    kl_penalty: float = Field(0.0, ge=0)
+    """Weight of KL(π_old‖π_θ) in L_rep of the other objectives (paper, appendix D: used, with a
+    weight that is not published)."""
+    kl_over: Literal["max", "mean"] = "max"
+    """Whether that KL is the largest over a minibatch's states, as the paper's text has TRPO's, or
+    their mean."""
+    weight_decay: float = Field(0.0, ge=0)
+    """Weight of the squared L2 norm of the weights, biases and log σ not counted, in the loss: so
+    much of a weight is added to its gradient."""
     ent_coef: float = Field(1e-4, ge=0)
     """Weight of the entropy bonus."""
     vf_coef: float = Field(0.5, gt=0)
@@ -114,116 +122,21 @@ class PPOConfig(Settings):
     """Whether Â is estimated before the critic's fit, or after it, as algorithms 1 and 2 write."""
     compiled: bool = True
     """Whether an `mlp` with the objective `clipped` is updated with derivatives by hand, but for
-    joint updates; false runs the formulas as written."""
+    joint updates, `weight_decay` and a KL; false runs the formulas as written."""
     stacked: bool = True
     """Whether dense networks that are not `compiled` learn all seeds in one product; false learns
     seed by seed: slower with several, but then each is what it would be alone, bit for bit."""
+
+    @property
+    def kl_weight(self) -> float:
+        """Weight of a KL in L_rep."""
+        return self.kl_coef if self.objective == "trpo" else self.kl_penalty
 
     @model_validator(mode="after")
     def _one_length(self) -> "PPOConfig":
         if self.n_episodes is None and self.n_steps is None:
             raise ValueError("a rollout needs n_steps or n_episodes")
         return self
-
-
-class TransferConfig(Settings):
-    """What the teacher contributes, and for how long (paper, algorithms 1 and 2)."""
-
-    iterations: int = Field(15, ge=0)
-    """K, the last iteration with a teacher ("Num. REPAINT iterations"); plain PPO afterwards."""
-    representation: int = Field(1, ge=1)
-    """R of the ratio R:I, on-policy iterations in a row; someone must train the critic."""
-    instance: int = Field(1, ge=0)
-    """I of the ratio R:I, off-policy instance-transfer iterations in a row; 0 is kickstarting."""
-    phases: Literal["ratio", "auto"] = "ratio"
-    """Whether R and I say what comes next, or what the last rounds gained per step."""
-    joint: bool = False
-    """Whether both gradients meet in one update (algorithm 1); `--method repaint-joint` says so."""
-    kickstart_coef: NonNegativeFloat | tuple[NonNegativeFloat, ...] = 0.2
-    """β₀, weight of the cross-entropy to the teacher at the first iteration; several teachers share
-    it evenly, or have a β₀ each."""
-    kickstart_decay: float = Field(0.95, gt=0, le=1)
-    """β is multiplied by this after each iteration of either kind."""
-    kickstart_schedule: Literal["geometric", "linear", "constant", "stepwise", "auto"] = "geometric"
-    """How β falls: by `kickstart_decay` each time, in a straight line to 0 after K, not at all, by
-    `kickstart_decay` every `kickstart_every` times, or with the teacher's lead over the student."""
-    kickstart_every: int = Field(5, gt=0)
-    """How many times β stays the same in the schedule `stepwise`."""
-    kickstart_counts: Literal["iterations", "representation"] = "iterations"
-    """Whether β falls after every iteration, or only after those of representation transfer."""
-    alpha_1: float = Field(1.0, gt=0)
-    """α₁, scale of L_rep's step: of the learning rate when alternating, of the loss when joint."""
-    alpha_2: float = Field(1.0, gt=0)
-    """α₂, the same for L_ins."""
-    alpha_power: float = Field(0.0, ge=0, le=1)
-    """a of the power law k^−a that both α are multiplied by (paper, section 5.1)."""
-    warm_start: Literal["policy", "policy+value"] = "policy+value"
-    """What `--method warm-start` takes from the teacher; the normaliser belongs to both."""
-    warm_start_log_std: float | None = None
-    """log σ to begin a warm start with, in place of the teacher's; continuous actions."""
-    critic_warmup: int = Field(0, ge=0)
-    """First iterations, with the student's own rollouts, in which only the critic learns."""
-    teacher_min_std: float = Field(0.0, ge=0)
-    """Floor on the teacher's σ when it samples, is scored and is imitated; continuous actions."""
-    teacher_temperature: float = Field(1.0, gt=0)
-    """Temperature of the teacher's softmax for the same three uses; discrete actions."""
-    teacher_episodes: int = Field(2, gt=0)
-    """Whole episodes of all teachers in an instance iteration, where rollouts count episodes."""
-    teacher_statistics: bool = False
-    """Whether what teachers saw enters the student's normaliser of observations, too."""
-
-    def betas(self, n_teachers: int) -> tuple[float, ...]:
-        """Return β₀ of each teacher."""
-        if isinstance(self.kickstart_coef, tuple):
-            return self.kickstart_coef
-        return (self.kickstart_coef / n_teachers,) * n_teachers
-
-
-class SelectConfig(Settings):
-    """Which teacher samples survive experience selection (paper, section 4.2)."""
-
-    rule: Literal["zeta", "abs", "top", "per", "rbt", "all", "auto"] = "zeta"
-    """Keep Â′ ≥ ζ (the paper's), |Â′| ≥ ζ, the highest share, or all; or draw by |Â′| (prioritised
-    replay) or by relevance to the student's last batch (Lazaric et al. 2008); or keep the more, the
-    more the teachers' samples surpass the student's."""
-    threshold: float = 0.8
-    """ζ: a teacher sample is kept where its advantage Â′ ≥ ζ."""
-    last_threshold: float | None = None
-    """ζ at iteration K, which it moves to in a straight line; constant where absent."""
-    share: float = Field(0.2, gt=0, le=1)
-    """q: the share of the samples that `top` keeps, and that `per` and `rbt` draw."""
-    priority_exponent: float = Field(0.6, ge=0)
-    """α of `per`: 0 draws all alike."""
-    importance_exponent: float = Field(0.4, ge=0, le=1)
-    """β of `per`: 1 makes up for all of the drawing, 0 for none of it."""
-    bandwidth: float = Field(0.1, gt=0)
-    """δ of `rbt`, the kernels' width in squared standard deviations of the student's batch."""
-    neighbourhood: float = Field(0.8, gt=0, le=1)
-    """μ of `rbt`: distances are averaged over target samples of this cumulative weight."""
-    neighbours: Literal["nearest", "farthest"] = "nearest"
-    """Which of them `rbt` counts first; the authors' later code counts from the farthest."""
-    normalize: Literal["sum", "max"] = "sum"
-    """What `rbt` divides agreement by; by the sum, as written, distance decides nearly alone."""
-    scale: Literal["teacher-batch", "student-batch", "none"] = "teacher-batch"
-    """What Â′ is standardised with: its own batch, the student's last batch, or nothing (raw)."""
-
-
-class QLearningConfig(Settings):
-    """Q-learning with instance transfer (paper, appendix A): `--algorithm q-learning`."""
-
-    threshold: float = Field(0.0, ge=0)
-    """ζ: a teacher's sample is learned from where y − Q > ζ, in the iterations with a teacher."""
-    memory: int = Field(20_000, gt=0)
-    """Transitions a seed keeps; the oldest iterations go first."""
-    gradient_steps: int = Field(1000, gt=0)
-    """Minibatches an iteration, drawn from all that is kept; the network behind their targets is
-    that of the iteration's beginning."""
-    first_epsilon: float = Field(1.0, ge=0, le=1)
-    """ε of the first iteration: how often the student acts at random."""
-    last_epsilon: float = Field(0.05, ge=0, le=1)
-    """ε that it falls to in a straight line."""
-    epsilon_iterations: int = Field(10, gt=0)
-    """Iterations after which it is there."""
 
 
 class EvalConfig(Settings):

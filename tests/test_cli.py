@@ -215,6 +215,7 @@ def test_q_learning_is_an_algorithm_with_instances_or_without(repaint, home):
         *(["--select", rule] for rule in ("abs", "top", "per", "rbt", "all")),
         *(["--objective", objective] for objective in ("a2c", "trpo", "reinforce")),
         ["--preset", "coach"],
+        ["--preset", "paper", "--set", "ppo.n_steps=204"],
         ["--set", "transfer.kickstart_schedule=linear", "--set", "transfer.alpha_power=0.5"],
     ],
     ids=" ".join,

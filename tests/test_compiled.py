@@ -245,7 +245,8 @@ def test_updates_of_both_kinds_may_take_turns(discrete):
 def test_a_joint_update_is_the_plain_one():
     batch, kept = samples(False, 20, 20, 20), samples(False, 5, 4, 3, seed=5)
     with patch.object(compiled, "take_steps") as never:
-        student, optimizer = learner(False)
+        student, _ = learner(False)
+        optimizer = RowAdam(student, PLAIN.learning_rate, joint=True)
         learn_on_policy(student, optimizer, batch, HAND, rngs(), instances=kept)
     never.assert_not_called()
     assert optimizer.steps[0].tolist() == [6, 6, 6]

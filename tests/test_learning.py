@@ -8,8 +8,8 @@ from small_tasks import reach
 from repaint_cli.learn.evaluation import evaluate
 from repaint_cli.policies import weights
 from repaint_cli.policies.networks import ActorCritic
-from repaint_cli.settings import TransferConfig
 from repaint_cli.tasks.methods import METHODS
+from repaint_cli.transfer_settings import TransferConfig
 
 SEEDS = list(range(8))
 TRANSFER = TransferConfig(kickstart_coef=1.0, teacher_min_std=0.4)
@@ -26,10 +26,10 @@ def permutation_p(better, worse, draws=10_000):
 
 def learned(n_iterations, seeds=SEEDS, teacher=None, transfer=TRANSFER, **weights):
     """Train on Reach; return the student, what was yielded, and evaluated returns (k + 1, S)."""
-    task = reach(n_iterations=n_iterations, **LONG, **weights)
+    task = with_transfer(reach(n_iterations=n_iterations, **LONG, **weights), transfer)
     learner = learner_of(task, seeds)
     stats, returns = [], [evaluate(learner.student, task, seeds, 10).returns.mean(1)]
-    for stat in training(with_transfer(task, transfer), learner, teachers_of(teacher)):
+    for stat in training(task, learner, teachers_of(teacher)):
         stats.append(stat)
         returns.append(evaluate(learner.student, task, seeds, 10).returns.mean(1))
     return learner.student, stats, np.array(returns)

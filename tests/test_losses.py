@@ -10,8 +10,8 @@ from repaint_cli.learn.update.losses import (
     approx_kl,
     clipped_surrogate,
     log_likelihood,
-    penalized_surrogate,
     squared_error,
+    surrogate,
 )
 
 
@@ -71,14 +71,12 @@ def test_log_likelihood_by_hand():
     assert_close(log_probs.grad, torch.tensor([[-3.0, 4.0]]))
 
 
-def test_penalized_surrogate_by_hand():
+def test_surrogate_by_hand():
     behavior = torch.tensor([[-2.0]])
     log_probs = torch.tensor([[-2.0 + log(1.5)]], requires_grad=True)
-    found = penalized_surrogate(
-        log_probs, behavior, torch.tensor([[3.0]]), torch.tensor([[0.25]]), kl_coef=2.0
-    )
+    found = surrogate(log_probs, behavior, torch.tensor([[3.0]]))
     found.sum().backward()
-    assert_close(found.detach(), torch.tensor([[-4.5 + 0.5]]))
+    assert_close(found.detach(), torch.tensor([[-4.5]]))
     assert_close(log_probs.grad, torch.tensor([[-4.5]]))  # unclipped, unlike PPO's
 
 
@@ -88,9 +86,7 @@ def test_where_nothing_has_moved_all_objectives_have_one_slope():
     for loss in (
         lambda log_probs: clipped_surrogate(log_probs, behavior, advantages, 0.2),
         lambda log_probs: log_likelihood(log_probs, advantages),
-        lambda log_probs: penalized_surrogate(
-            log_probs, behavior, advantages, torch.zeros(1, 2), 1.0
-        ),
+        lambda log_probs: surrogate(log_probs, behavior, advantages),
     ):
         log_probs = behavior.clone().requires_grad_()
         loss(log_probs).sum().backward()

@@ -21,8 +21,8 @@ from test_selection import batch
 from repaint_cli.learn.ppo import train
 from repaint_cli.learn.transfer.measurements import Measurements, mean_and_error
 from repaint_cli.runs.plan import Plan
-from repaint_cli.settings import TransferConfig
 from repaint_cli.tasks.methods import METHODS
+from repaint_cli.transfer_settings import TransferConfig
 
 
 def returns(*means, spread=0.0, n=4):

@@ -8,8 +8,9 @@ from repaint_cli.learn.transfer.schedules import (
     phase,
     threshold,
 )
-from repaint_cli.settings import PPOConfig, SelectConfig, TransferConfig
+from repaint_cli.settings import PPOConfig
 from repaint_cli.tasks.methods import METHODS
+from repaint_cli.transfer_settings import SelectConfig, TransferConfig
 
 LETTERS = {"ppo": "p", "critic": "c", "representation": "R", "instance": "I", "joint": "J"}
 

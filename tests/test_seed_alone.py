@@ -41,9 +41,9 @@ TEACHING = {
 
 def learned(task, seeds, trainer, teaching):
     """Train and evaluate; return each seed's weights, returns and metrics, (S, …) each."""
-    learner = learner_of(task, seeds)
     teachers = [] if teaching is None else [untrained_teacher(task, len(seeds))]
     task = with_transfer(task, transfer_config(**(teaching or {})))
+    learner = learner_of(task, seeds)
     course = course_for(task, learner, teachers_of(*teachers))
     stats = list(trainer(task, learner, course))
     played = evaluate(learner.student, task, seeds, 3, iteration=3)

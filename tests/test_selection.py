@@ -8,15 +8,17 @@ from torch.testing import assert_close
 from repaint_cli.learn.rollout.gae import Samples
 from repaint_cli.learn.rollout.observations import Observations
 from repaint_cli.learn.transfer.selection import (
+    Selection,
     above_threshold,
     drawn,
     moments,
+    on_loss_scale,
     prioritized,
     rescale,
     select,
     standardize,
 )
-from repaint_cli.settings import SelectConfig
+from repaint_cli.transfer_settings import SelectConfig
 
 NAN = float("nan")
 numbers = st.floats(-100, 100, width=32)
@@ -56,6 +58,24 @@ def test_standardize_by_hand():
 def test_equal_advantages_standardise_to_zero_and_not_to_nan():
     samples = batch([4.0, 4.0, 4.0])
     assert_close(standardize(samples, moments(samples)).advantages, torch.zeros(1, 3))
+
+
+@pytest.mark.parametrize(
+    ("scale", "expected"),
+    [("selected", [-1.0, 1.0]), ("raw", [7.0, -8.0]), ("student", [3.5, -4.0])],
+)
+def test_what_is_learned_has_a_scale_of_its_own(scale, expected):
+    raw, student = batch([7.0, -8.0]), (torch.tensor([[1.0]]), torch.tensor([[2.0]]))
+    learned = on_loss_scale(raw, batch([-1.0, 1.0]), scale, student)
+    assert_close(learned.advantages, torch.tensor([expected]))
+    nothing = (torch.zeros(1, 1), torch.zeros(1, 1))
+    assert torch.isfinite(on_loss_scale(raw, raw, scale, nothing).advantages).all()
+
+
+def test_fewer_samples_than_the_least_are_left_out():
+    chosen = Selection(torch.zeros(3, 5).long(), torch.tensor([3, 4, 5]))
+    assert chosen.at_least(4).counts.tolist() == [0, 4, 5]
+    assert chosen.at_least(0).counts.tolist() == [3, 4, 5]
 
 
 @pytest.mark.parametrize(

@@ -27,15 +27,16 @@ from repaint_cli.learn.transfer import instances as instances_module
 from repaint_cli.learn.transfer.teachers import Teacher, advise
 from repaint_cli.learn.update.objectives import instance_loss, representation_loss
 from repaint_cli.policies.distributions import Gaussian
-from repaint_cli.settings import SelectConfig
+from repaint_cli.transfer_settings import SelectConfig
 
 TASKS = pytest.mark.parametrize("make", [reach, guess])
 
 
 def learned(task, teachers, seeds=(0, 1), **transfer):
     """Train to the end with teachers; return the weights and the numbers of each iteration."""
+    task = with_transfer(task, transfer_config(**transfer))
     learner = learner_of(task, seeds)
-    stats = list(training(with_transfer(task, transfer_config(**transfer)), learner, teachers))
+    stats = list(training(task, learner, teachers))
     return learner.student.storage, [stat.metrics for stat in stats]
 
 
@@ -173,7 +174,7 @@ def test_every_objective_trains(make, objective, joint):
 
 
 def test_trpos_instances_are_penalised_by_the_divergence_from_who_acted():
-    task = reach(objective="trpo", kl_coef=2.0, select={"rule": "all"})
+    task = reach(objective="trpo", kl_coef=2.0, kl_over="mean", select={"rule": "all"})
     learner, teachers = (
         learner_of(task, [0]),
         [untrained_teacher(task, seed=seed) for seed in (5, 6)],
@@ -286,9 +287,9 @@ def test_a_joint_update_after_the_critics_fit_judges_everybody_by_the_fitted_cri
 
     monkeypatch.setattr(instances_module, "to_samples", spy)
     task = reach(n_iterations=1, advantages="after", compiled=False, select={"rule": "all"})
-    learner = learner_of(task, [0])
-    before, cut = learner.student.storage.clone(), learner.student.n_policy
     taught = with_transfer(task, transfer_config(joint=True))
+    learner = learner_of(taught, [0])
+    before, cut = learner.student.storage.clone(), learner.student.n_policy
     list(training(taught, learner, teachers_of(untrained_teacher(task))))
     (at,) = judged
     assert torch.equal(at[:, :cut], before[:, :cut])

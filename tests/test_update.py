@@ -15,6 +15,7 @@ from repaint_cli.learn.rollout.gae import Samples
 from repaint_cli.learn.rollout.observations import Observations
 from repaint_cli.learn.update import epochs
 from repaint_cli.learn.update.adam import RowAdam
+from repaint_cli.learn.update.compiled import update as compiled
 from repaint_cli.learn.update.epochs import Means, minibatch, shuffle
 from repaint_cli.learn.update.objectives import instance_loss, masked_mean, representation_loss
 from repaint_cli.policies.architecture import NetConfig
@@ -37,6 +38,10 @@ def drawn(n_seeds=1):
 
 def optimizer_of(student):
     return RowAdam(student, PPO.learning_rate)
+
+
+def joint_optimizer(student):
+    return RowAdam(student, PPO.learning_rate, joint=True)
 
 
 def generators(n=1):
@@ -231,7 +236,7 @@ def test_a_joint_update_spreads_the_instances_evenly_over_the_minibatches(batche
     own, taught = batches_of("representation_loss"), batches_of("instance_loss")
     student, samples, instances = drawn(n_seeds=2), samples_of(12, 7), samples_of(*kept, seed=1)
     rngs = generators(2)
-    learn_on_policy(student, optimizer_of(student), samples, PPO, rngs, instances=instances)
+    learn_on_policy(student, joint_optimizer(student), samples, PPO, rngs, instances=instances)
     assert len(own) == len(taught) == 6
     for s, steps in enumerate((3, 2)):
         visits = visited(taught, s)
@@ -416,20 +421,131 @@ def test_alpha_scales_the_learning_rate_of_an_iteration():
         assert_close(half, whole / 2, rtol=1e-4, atol=1e-7)
 
 
-def test_alpha_weighs_the_two_losses_of_a_joint_update():
-    student, samples, instances = drawn(), samples_of(4), samples_of(4, seed=1)
-    own = representation_loss(student, samples, None, spec_of(PPO))[0]
-    taught = instance_loss(student, instances, spec_of(PPO))[0]
-    student.gradients.zero_()
-    (0.3 * own + 2.0 * taught).sum().backward()
-    expected = student.gradients.clone()
-    ppo, optimizer = PPO.model_copy(update={"n_epochs": 1}), optimizer_of(student)
+def moved_jointly(alpha_1, alpha_2, **settings):
+    """How far a joint step moves the policy and the critic."""
+    student, one = drawn(), PPO.model_copy(update={"n_epochs": 1} | settings)
     learn_on_policy(
-        student, optimizer, samples, ppo, generators(), instances=instances, alphas=(0.3, 2.0)
-    )
-    assert_close(student.gradients, expected)
-    step = PPO.learning_rate * expected / (expected.abs() + 1e-5)  # Adam's first, not scaled
-    assert_close(student.storage, drawn().storage - step)
+        student, joint_optimizer(student), samples_of(4), one, generators(),
+        instances=samples_of(4, seed=1), policy_scale=alpha_1, instance_scale=alpha_2,
+    )  # fmt: skip
+    change = student.storage - drawn().storage
+    return change[:, : student.n_policy], change[:, student.n_policy :]
+
+
+def test_a_joint_step_adds_adams_steps_along_both_gradients_at_one_point():
+    student, samples, instances = drawn(), samples_of(4), samples_of(4, seed=1)
+    steps = []
+    for loss, _ in (
+        representation_loss(student, samples, None, spec_of(PPO)),
+        instance_loss(student, instances, spec_of(PPO)),
+    ):
+        student.gradients.zero_()
+        loss.sum().backward()
+        gradient = student.gradients[:, : student.n_policy]
+        steps.append(-PPO.learning_rate * gradient / (gradient.abs() + 1e-5))  # Adam's first
+    moved, _ = moved_jointly(0.3, 2.0)
+    assert_close(moved, 0.3 * steps[0] + 2.0 * steps[1], rtol=1e-3, atol=2e-7)
+
+
+def test_alphas_of_a_joint_update_are_step_sizes():
+    (whole, critic), (tenth, same) = moved_jointly(1, 1), moved_jointly(0.1, 0.1)
+    assert_close(tenth, whole / 10, rtol=1e-3, atol=2e-7)
+    assert torch.equal(critic, same)
+    (clipped, _), (tenth, _) = (moved_jointly(a, a, max_grad_norm=0.01) for a in (1, 0.1))
+    assert_close(tenth, clipped / 10, rtol=1e-3, atol=2e-7)
+
+
+@pytest.mark.parametrize("teaches", [True, False])
+def test_a_joint_update_without_alpha_2_is_kickstarting_bit_for_bit(teaches):
+    teacher = Gaussian(torch.zeros(2, 70, 2), torch.zeros(2, 1, 2)) if teaches else None
+    ends = []
+    for options in ({}, {"instances": samples_of(70, 9, seed=1), "instance_scale": 0.0}):
+        student = drawn(2)
+        optimizer = joint_optimizer(student)
+        for _ in range(2):
+            learn_on_policy(
+                student, optimizer, samples_of(70, 33), PPO, generators(2),
+                teacher=teacher, beta=0.2, **options,
+            )  # fmt: skip
+        ends.append((student.storage.clone(), optimizer.first.clone()))
+    assert torch.equal(ends[0][0], ends[1][0])
+    assert torch.equal(ends[0][1], ends[1][1])
+
+
+def test_moments_of_a_joint_update_are_kept_and_brought_back():
+    student = drawn()
+    optimizer = joint_optimizer(student)
+    options = {"instances": samples_of(4, seed=1)}
+    learn_on_policy(student, optimizer, samples_of(4), PPO, generators(), **options)
+    other = drawn()
+    other.storage.copy_(student.storage)
+    again = joint_optimizer(other)
+    again.load({name: tensor.clone() for name, tensor in optimizer.state().items()})
+    for who, moments in ((student, optimizer), (other, again)):
+        learn_on_policy(who, moments, samples_of(4), PPO, generators(), **options)
+    assert torch.equal(student.storage, other.storage)
+    assert optimizer.state()["instances/steps"].item() > 1
+    joint_optimizer(other).load(optimizer_of(student).state())  # of a run before they were kept
+
+
+def test_weight_decay_adds_the_gradient_of_the_weights_squared_norm():
+    samples, ppo = samples_of(4), PPO.model_copy(update={"n_epochs": 1, "weight_decay": 0.5})
+    student = drawn()
+    with torch.no_grad():
+        student.storage += 0.1  # biases and log σ too
+    start = student.storage.clone()
+    loss, _ = representation_loss(student, samples, None, spec_of(ppo))
+    squares = sum((w**2).sum() for n, w in student.weights.items() if n.endswith(".weight"))
+    student.gradients.zero_()
+    (loss.sum() + 0.25 * squares).backward()
+    expected = student.gradients.clone()
+    assert not compiled.applies_to(student, spec_of(ppo))
+    for learn in (learn_on_policy, learn_from_instances):
+        student.storage.copy_(start)
+        learn(student, optimizer_of(student), samples, ppo, generators())
+        if learn is learn_on_policy:
+            assert_close(student.gradients, expected)
+        else:
+            assert torch.equal(student.storage[:, student.n_policy :], start[:, student.n_policy :])
+
+
+@pytest.mark.parametrize("over", ["max", "mean"])
+def test_a_kl_penalty_is_of_the_largest_or_the_mean_divergence_over_states(over):
+    student, samples = drawn(2), samples_of(4, 2)
+    shift = torch.arange(8.0).view(2, 4, 1).expand(2, 4, 2) / 10
+    policy = student.policy(samples.observations.take(samples.rows))
+    behavior = Gaussian((policy.mean + shift).detach(), policy.log_std.detach() + 0.3)
+    samples = replace(samples, behavior=behavior)
+    kl = torch.distributions.kl_divergence(
+        torch.distributions.Normal(behavior.mean, behavior.log_std.exp()),
+        torch.distributions.Normal(policy.mean, policy.log_std.exp()),
+    ).sum(-1)  # (S, B)
+    wanted = [getattr(kl[s, :n], over)() for s, n in enumerate((4, 2))]
+    plain, _ = representation_loss(student, samples, None, spec_of(PPO))
+    settings = {"kl_penalty": 0.7, "kl_over": over}
+    spec = spec_of(PPO.model_copy(update=settings))
+    loss, _ = representation_loss(student, samples, None, spec)
+    assert_close(loss - plain, 0.7 * torch.stack(wanted), rtol=1e-4, atol=1e-5)
+    assert not compiled.applies_to(student, spec)
+
+
+@pytest.mark.parametrize("objective", ["a2c", "reinforce"])
+def test_a_teachers_samples_are_weighed_by_the_likelihood_ratio(objective):
+    student, samples = drawn(), samples_of(6)
+    ppo = PPO.model_copy(update={"objective": objective})
+    policy = student.policy(samples.observations.take(samples.rows))
+    log_probs = policy.log_prob(samples.actions)
+    ratio = (log_probs - samples.behavior_log_probs).exp().detach()
+    slopes = []
+    for weights in (ratio, torch.ones_like(ratio)):
+        student.gradients.zero_()
+        (-(weights * samples.advantages * log_probs).mean()).backward(retain_graph=True)
+        slopes.append(student.gradients.clone())
+    for importance, slope in zip((True, False), slopes, strict=True):
+        student.gradients.zero_()
+        instance_loss(student, samples, spec_of(ppo, importance=importance))[0].sum().backward()
+        assert_close(student.gradients, slope, rtol=1e-4, atol=1e-6)
+    assert not torch.allclose(*slopes)
 
 
 def test_what_a_seed_learns_jointly_does_not_depend_on_what_its_neighbour_kept():
@@ -437,9 +553,9 @@ def test_what_a_seed_learns_jointly_does_not_depend_on_what_its_neighbour_kept()
     for kept in ((0, 0), (0, 5)):
         student = drawn(2)
         learn_on_policy(
-            student, optimizer_of(student), samples_of(6, 6), PPO, generators(2),
+            student, joint_optimizer(student), samples_of(6, 6), PPO, generators(2),
             instances=samples_of(0, 5).pick(*front(torch.arange(5) < torch.tensor(kept)[:, None])),
-            alphas=(0.01, 1.0),
+            policy_scale=0.01,
         )  # fmt: skip
         ends.append(student.storage[0].clone())
     assert torch.equal(*ends)

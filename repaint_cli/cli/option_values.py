@@ -1,8 +1,7 @@
 """Values of options that are more than a number or a name, and the settings behind them."""
 
-from repaint_cli.errors import NotFound, UsageError
+from repaint_cli.errors import UsageError
 from repaint_cli.settings import MOST_SEEDS
-from repaint_cli.tasks.presets import PRESETS
 
 
 def task_named(name: str | None) -> str:
@@ -138,14 +137,3 @@ def objective_settings(name: str) -> list[str]:
     """
     unbounded = name in ("a2c", "reinforce")
     return [f"ppo.objective={name}", *["ppo.n_epochs=1"] * unbounded]
-
-
-def preset_settings(name: str) -> list[str]:
-    """Return the settings behind --preset.
-
-    Raises:
-        NotFound: there is no such preset.
-    """
-    if name not in PRESETS:
-        raise NotFound.named("preset", name, PRESETS, "repaint transfer --help")
-    return list(PRESETS[name])

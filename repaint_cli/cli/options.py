@@ -8,7 +8,6 @@ import typer
 from repaint_cli.cli import completion
 from repaint_cli.cli.help_page import OPTIONS
 from repaint_cli.cli.option_rules import Rule
-from repaint_cli.cli.option_values import preset_settings
 
 ARGUMENTS = "Arguments"
 WHAT = "What to learn"
@@ -48,8 +47,12 @@ TaskOption = Annotated[
 ]
 Preset = Annotated[
     str | None,
-    option(HOW, "NAME", "coach: the choices of the paper's framework; other options outrank it."),
-    Rule(preset_settings, algorithms=("ppo",)),
+    option(
+        HOW,
+        "NAME",
+        "paper: the paper's numbers; coach: and its framework's choices. Other options outrank it.",
+    ),
+    Rule(algorithms=("ppo",)),
 ]
 Set = Annotated[
     list[str] | None,

@@ -53,19 +53,28 @@ def training(ppo: "PPOConfig") -> str:
 
 
 @tasks.command(cls=HelpPage)
-def show(name: TaskName) -> None:
+def show(
+    name: TaskName,
+    preset: Annotated[
+        str | None,
+        option(OPTIONS, "NAME", "paper or coach: show its numbers, and whose each of them is."),
+    ] = None,
+) -> None:
     """Show a task's settings, all of them, with what each means: a card as TOML.
 
     Examples:
         repaint tasks show reacher
-        repaint tasks show my-task.toml
+        repaint tasks show racer-outer --preset paper
     """
     from repaint_cli.cli.console import literal
     from repaint_cli.cli.printing import out
     from repaint_cli.tasks.card_files import read_task
     from repaint_cli.tasks.card_text import explained
+    from repaint_cli.tasks.paper import sources
+    from repaint_cli.tasks.presets import with_preset
 
-    for line in explained(read_task(name)):
+    card = with_preset(read_task(name), preset)
+    for line in explained(card, dict(sources(card)) if preset else None):
         style = "dim" if line.startswith("#") else "bold" if line.startswith("[") else ""
         out.print(literal(line), style=style)
 

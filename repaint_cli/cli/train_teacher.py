@@ -70,6 +70,7 @@ def train_teacher(options: TrainTeacherOptions) -> None:
         repaint train-teacher --task my-task.toml --name mine --seeds 3
     """
     import repaint_cli
+    from repaint_cli.tasks.presets import with_preset
 
     if options.resume:
         check_resume(options, options.context)
@@ -83,7 +84,7 @@ def train_teacher(options: TrainTeacherOptions) -> None:
             for_teacher=True,
         )
     task = repaint_cli.load_task(task_named(options.task))
-    card = task.with_settings(settings_of(options))
+    card = with_preset(task, options.preset).with_settings(settings_of(options))
     seeds = seed_list(options.seed, options.seeds)
     if options.dry_run:
         return dry_run(task, lambda: [_plan(options, card, seeds)])

@@ -33,7 +33,7 @@ def transfer(options: TransferOptions) -> None:
     """
     import repaint_cli
     from repaint_cli.tasks.methods import method_for
-    from repaint_cli.tasks.presets import automatic_settings
+    from repaint_cli.tasks.presets import automatic_settings, with_preset
 
     if options.resume:
         return _resume(options, options.resume)
@@ -45,7 +45,7 @@ def transfer(options: TransferOptions) -> None:
     settings = settings_of(options, algorithm)
     if options.auto:
         settings = automatic_settings(settings, algorithm, method)
-    card = task.with_settings(settings)
+    card = with_preset(task, options.preset).with_settings(settings)
     check_card(options, card, algorithm)
     seeds = seed_list(options.seed, options.seeds)
     if options.dry_run:

@@ -60,8 +60,9 @@ def instance_iteration(
     """
     instances, metrics = collect_instances(card, learner, course, now.k)
     spec = UpdateSpec(
-        card.ppo, now.clip_range, loss="instance", networks="policy", policy_scale=now.policy_scale
-    )
+        card.ppo, now.clip_range, loss="instance", networks="policy", policy_scale=now.policy_scale,
+        importance=card.transfer.importance,
+    )  # fmt: skip
     rngs = learner.shuffles(now.k)
     return metrics | update(learner.student, learner.optimizer, instances, spec, rngs)
 
@@ -105,12 +106,12 @@ def _own_samples(student: ActorCritic, rollout: Rollout, ppo: PPOConfig) -> Samp
     """Return the students' samples, by their normalisers as they are after the rollout."""
     samples = to_samples(rollout, student.value, ppo)
     normalizes = student.normalizer is not None and student.normalizer.active
-    if not normalizes and ppo.objective != "trpo":
+    if not (normalizes or ppo.kl_weight):
         return samples
     policy = describe(student.policy, samples)
     if normalizes:  # new statistics make a new π_old: the first ratio is to be 1
         samples = replace(samples, behavior_log_probs=policy.log_prob(samples.actions))
-    return replace(samples, behavior=policy if ppo.objective == "trpo" else None)
+    return replace(samples, behavior=policy if ppo.kl_weight else None)
 
 
 def _batch(samples: Samples, ppo: PPOConfig) -> Samples:
@@ -143,7 +144,8 @@ def _learn(
         beta=now.betas.sum(0),
         policy_scale=now.policy_scale,
         instances=instances,
-        alphas=(transfer.alpha_1, transfer.alpha_2),
+        instance_scale=now.instance_scale,
+        importance=transfer.importance,
     )
     metrics |= update(learner.student, learner.optimizer, batch, spec, learner.shuffles(now.k))
     return metrics | {"kickstart_coef": now.betas.sum(0).numpy()}

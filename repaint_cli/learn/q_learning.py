@@ -32,8 +32,8 @@ from repaint_cli.learn.update.objectives import mean_over
 from repaint_cli.policies.distributions import Categorical, Distribution
 from repaint_cli.policies.networks import ActorCritic
 from repaint_cli.policies.spaces import Spaces
-from repaint_cli.settings import QLearningConfig
 from repaint_cli.tasks.card import TaskCard
+from repaint_cli.transfer_settings import QLearningConfig
 
 
 def train(card: TaskCard, learner: Learner, course: Course) -> Iterator[IterationStats]:

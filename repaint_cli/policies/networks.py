@@ -9,7 +9,7 @@ the optimiser's step.
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from copy import copy
-from functools import reduce
+from functools import cached_property, reduce
 from math import inf, prod
 from operator import add
 from typing import Any
@@ -70,6 +70,14 @@ class ActorCritic:
         one._frozen = one._detached()
         one.normalizer = self.normalizer.alone(seed) if self.normalizer else None
         return one
+
+    @cached_property
+    def is_weight(self) -> Tensor:
+        """Which numbers of a seed's row are weights, and not biases or log σ, (P,) bool."""
+        kinds = [leaf.name.endswith(".weight") for leaf in self.leaves]
+        return torch.tensor(kinds).repeat_interleave(
+            torch.tensor([prod(leaf.shape) for leaf in self.leaves])
+        )
 
     def _views(self) -> Iterator[tuple[str, Tensor]]:
         start = 0

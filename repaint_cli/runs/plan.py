@@ -17,9 +17,9 @@ from repaint_cli.runs.folder import RunFolder
 from repaint_cli.runs.measuring import check_episodes
 from repaint_cli.runs.record import RunRecord, TeacherRecord
 from repaint_cli.runs.teachers import RunTeachers, load_teachers
-from repaint_cli.settings import TransferConfig
 from repaint_cli.tasks.card import TaskCard
 from repaint_cli.tasks.methods import METHODS
+from repaint_cli.transfer_settings import TransferConfig
 from repaint_cli.zoo import store
 
 

@@ -10,10 +10,11 @@ from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from repaint_cli.envs.registry import simulator_class
 from repaint_cli.errors import CardError, NotFound, UsageError
-from repaint_cli.settings import UNKNOWN_KEY, Settings, TransferConfig, first_problem
+from repaint_cli.settings import UNKNOWN_KEY, Settings, first_problem
 from repaint_cli.tasks.recipe import Recipe
 from repaint_cli.tasks.setting_names import did_you_mean, same_settings
 from repaint_cli.tasks.task import Task
+from repaint_cli.transfer_settings import TransferConfig
 
 if TYPE_CHECKING:
     from repaint_cli.envs.logs import LoggedRun

@@ -25,10 +25,11 @@ def to_toml(card: "TaskCard") -> str:
     return "\n".join(top) + "\n"
 
 
-def explained(card: "TaskCard") -> Iterator[str]:
+def explained(card: "TaskCard", sources: Mapping[str, str] | None = None) -> Iterator[str]:
     """Yield the lines of a card as TOML, with what each setting means before it.
 
-    A setting that is absent stands in a comment.
+    A setting that is absent stands in a comment. `sources` say whose number each setting is, by
+    `section.key`; they stand behind it.
     """
     yield from _comment(f"{card.name}, with every setting; a card of your own ends in .toml")
     yield toml_line("summary", card.summary)
@@ -42,7 +43,10 @@ def explained(card: "TaskCard") -> Iterator[str]:
         part = getattr(card, section)
         sentences = type(part).sentences() if isinstance(part, Settings) else {}
         for key, value in settings.items():
-            yield from _setting(key, value, sentences)
+            *lines, last = _setting(key, value, sentences)
+            yield from lines
+            source = (sources or {}).get(f"{section}.{key}")
+            yield f"{last}  # {source}" if source else last
 
 
 def _setting(key: str, value: Any, sentences: Mapping[str, str]) -> Iterator[str]:

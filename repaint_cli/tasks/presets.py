@@ -1,21 +1,22 @@
-"""Sets of choices with a name: `--preset` and `--auto`. Settings as in --set."""
+"""Sets of choices with a name: `--preset` and `--auto`."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
 
-from repaint_cli.errors import UsageError
+from repaint_cli.errors import NotFound, UsageError
+from repaint_cli.files.toml import toml_value
 from repaint_cli.tasks.methods import METHODS, method_for
+from repaint_cli.tasks.paper import coach_numbers, paper_numbers
 
-PRESETS = {
-    "coach": (
-        "ppo.time_limit=terminal",
-        "ppo.vf_coef=1.0",
-        "ppo.clip_decay=488",  # 10⁶ steps of 2,048 an iteration
-        "ppo.whole_episodes=true",
-        "ppo.n_envs=1",  # whose episodes follow one another, so that the last one is cut
-    ),
+if TYPE_CHECKING:
+    from repaint_cli.tasks.card import TaskCard
+
+PRESETS: dict[str, Callable[["TaskCard"], dict[str, Any]]] = {
+    "paper": paper_numbers,
+    "coach": lambda card: paper_numbers(card) | coach_numbers(card),
 }
-"""`coach`: what the framework of the paper's experiments does where our defaults differ (RL Coach's
-clipped PPO for MuJoCo), to approach the paper's own baseline."""
+"""`paper`: the numbers and choices of the paper's text. `coach`: the same, and where the text is
+silent or its framework did otherwise, what RL Coach did, to approach the paper's own baseline."""
 
 AUTOMATIC = {
     "transfer.phases=auto": ("transfer.phases", "transfer.representation", "transfer.instance"),
@@ -25,6 +26,20 @@ AUTOMATIC = {
 }
 """Settings with which the ratio, β, ζ and the end of the transfer are measured; a setting of those
 behind them decides it by hand."""
+
+
+def with_preset(card: "TaskCard", name: str | None) -> "TaskCard":
+    """Return a card with a preset's numbers, or as it is without a name.
+
+    Raises:
+        NotFound: there is no such preset.
+    """
+    if name is None:
+        return card
+    if name not in PRESETS:
+        raise NotFound.named("preset", name, PRESETS, "repaint transfer --help")
+    numbers = PRESETS[name](card)
+    return card.with_settings([f"{key}={toml_value(value)}" for key, value in numbers.items()])
 
 
 def automatic_settings(settings: Sequence[str], algorithm: str, method: str | None) -> list[str]:

@@ -14,7 +14,14 @@ from repaint_cli.learn.rollout.transitions import Transitions, transitions
 from repaint_cli.learn.states import below, with_prefix
 from repaint_cli.learn.transfer import schedules
 from repaint_cli.learn.transfer.schedules import Phase
-from repaint_cli.learn.transfer.selection import Moments, Selection, moments, rescale, select
+from repaint_cli.learn.transfer.selection import (
+    Moments,
+    Selection,
+    moments,
+    on_loss_scale,
+    rescale,
+    select,
+)
 from repaint_cli.learn.transfer.teachers import ActingTeacher, Teacher
 from repaint_cli.learn.update.objectives import masked_mean
 from repaint_cli.policies.networks import ActorCritic
@@ -35,7 +42,9 @@ class Iteration:
     learning_rate: float
     """Adam's step size."""
     policy_scale: float
-    """What the policies' step size is multiplied by: α₁ or α₂, or k^−a in a joint iteration."""
+    """What the policies' step size is multiplied by: α₂ in an instance iteration, else α₁."""
+    instance_scale: float
+    """What it is multiplied by for L_ins in a joint iteration: α₂."""
     clip_range: float
     """ε of the clipped surrogate."""
     betas: Tensor
@@ -142,11 +151,13 @@ class Course(ABC):
             relevance: of each sample, (S, B), for the rule `rbt`.
 
         Returns:
-            The selection, and all samples on the scale they were chosen on.
+            The selection, and all samples on the scale they are learned on.
         """
-        scaled = rescale(samples, self.card.select.scale, self.last.moments)
-        threshold = schedules.threshold(k, self.card.select, self.card.transfer)
-        return select(scaled, self.card.select, threshold, rngs, relevance), scaled
+        config, own = self.card.select, self.last.moments
+        scaled = rescale(samples, config.scale, own)
+        threshold = schedules.threshold(k, config, self.card.transfer)
+        selection = select(scaled, config, threshold, rngs, relevance)
+        return selection, on_loss_scale(samples, scaled, config.loss_scale, own)
 
     def begin(self, student: ActorCritic, evaluate: Evaluate) -> None:  # noqa: B027
         """Do what is needed before the first iteration."""
@@ -159,9 +170,10 @@ class Course(ABC):
             self.before_own_iteration(k)
         if phase == "representation" and not betas.any():
             phase = "ppo"  # no teacher advises
+        ppo, (_, alpha_2) = self.card.ppo, schedules.alphas(k, self.card.transfer)
         return Iteration(
-            k, phase, schedules.learning_rate(k, self.card.ppo), self._policy_scale(k, phase),
-            schedules.clip_range(k, self.card.ppo), betas,
+            k, phase, schedules.learning_rate(k, ppo), self._policy_scale(k, phase), alpha_2,
+            schedules.clip_range(k, ppo), betas,
         )  # fmt: skip
 
     def _policy_scale(self, k: int, phase: Phase) -> float:
@@ -169,8 +181,6 @@ class Course(ABC):
         alpha_1, alpha_2 = schedules.alphas(k, self.card.transfer)
         if phase == "instance":
             return alpha_2
-        if phase == "joint":  # whose losses α₁ and α₂ weigh
-            return schedules.power(k, self.card.transfer)
         return 1.0 if self.ended else alpha_1
 
     def before_own_iteration(self, k: int) -> None:  # noqa: B027

@@ -14,7 +14,7 @@ from repaint_cli.learn.transfer import schedules
 from repaint_cli.learn.transfer.course import Course, Evaluate
 from repaint_cli.learn.transfer.measurements import Measurements
 from repaint_cli.learn.transfer.schedules import Phase
-from repaint_cli.learn.transfer.selection import Selection, rescale, top_share
+from repaint_cli.learn.transfer.selection import Selection, on_loss_scale, rescale, top_share
 from repaint_cli.learn.transfer.teachers import Teacher
 from repaint_cli.policies.networks import ActorCritic
 from repaint_cli.tasks.card import TaskCard
@@ -111,8 +111,10 @@ class Measured(Scheduled):
         shares = self._measured.shares(samples)  # which the next phase depends on in any case
         if self.card.select.rule != "auto":
             return super().choose(k, samples, rngs, relevance)
-        scaled = rescale(samples, "student-batch", self.last.moments)
-        return Selection(*front(top_share(scaled, shares))), scaled
+        own = self.last.moments
+        scaled = rescale(samples, "student-batch", own)
+        learned = on_loss_scale(samples, scaled, self.card.select.loss_scale, own)
+        return Selection(*front(top_share(scaled, shares))), learned
 
     def begin(self, student: ActorCritic, evaluate: Evaluate) -> None:
         """Evaluate the students and the teachers, unless a checkpoint holds their returns."""

@@ -40,12 +40,12 @@ def collect_instances(
     pairs = list(zip(actors, rollouts, strict=True))
     samples = Samples.concatenate([_samples(card, learner, *pair) for pair in pairs])
     rngs = [generator(seed, Purpose.SELECT, k) for seed in learner.seeds]
-    selection, scaled = course.choose(k, samples, rngs, _relevance(card, course.last, pairs))
+    selection, learned = course.choose(k, samples, rngs, _relevance(card, course.last, pairs))
     metrics = _metrics(samples, selection, course.last)
     metrics["teacher_return"] = np.mean(
         [rollout.mean_episodes()[0] for rollout in rollouts], axis=0
     )
-    return selection.of(scaled), metrics
+    return selection.at_least(card.select.min_samples).of(learned), metrics
 
 
 def _rollout(card: TaskCard, learner: Learner, actor: ActingTeacher, k: int) -> Rollout:

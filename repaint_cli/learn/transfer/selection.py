@@ -12,7 +12,7 @@ from torch import Tensor
 
 from repaint_cli.learn.rollout.batches import front, row_sums
 from repaint_cli.learn.rollout.gae import Samples
-from repaint_cli.settings import SelectConfig
+from repaint_cli.transfer_settings import SelectConfig
 
 Moments = tuple[Tensor, Tensor]
 """Mean and standard deviation of a batch of advantages, (S, 1) each."""
@@ -51,6 +51,22 @@ def rescale(samples: Samples, scale: str, student: Moments) -> Samples:
     return standardize(samples, moments(samples) if scale == "teacher-batch" else student)
 
 
+def on_loss_scale(raw: Samples, selected: Samples, scale: str, student: Moments) -> Samples:
+    """Return teacher samples with Â′ on the scale that L_ins learns from.
+
+    Args:
+        raw: of the teachers, Â′ under the target's reward with the student's critic.
+        selected: the same, Â′ on the scale that ζ is meant on.
+        scale: "selected", "raw", or "student": Â′/(σ + 10⁻⁸) with σ of the student's last batch, by
+            which the Â of L_clip are divided too; the mean is not subtracted, so that the sign
+            still says whether a sample is better than the student expects.
+        student: moments of the student's last on-policy batch.
+    """
+    if scale == "student":
+        return replace(raw, advantages=raw.advantages / (student[1] + 1e-8))
+    return raw if scale == "raw" else selected
+
+
 @dataclass(frozen=True)
 class Selection:
     """Which samples to learn from, each seed with its own number."""
@@ -61,6 +77,10 @@ class Selection:
     """How many of them are real, (S,) int64."""
     weights: Tensor | None = None
     """How much each counts, (S, K); equally where absent."""
+
+    def at_least(self, n: int) -> "Selection":
+        """Return it without the samples of seeds that have fewer than n."""
+        return replace(self, counts=self.counts.where(self.counts >= n, 0))
 
     def of(self, samples: Samples) -> Samples:
         """Return the chosen samples; a weight w ≥ 0 makes Â′ to w·Â′, and so L_ins to w·L_ins.

@@ -16,6 +16,9 @@ CLIP_EPSILON = 1e-6
 """Added to the norm of a gradient that is divided by it, as in torch."""
 
 
+OF_INSTANCES = "instances/"
+"""Before the names of moments that belong to L_ins alone."""
+
 _Row = tuple[Tensor, ...]
 """Parameters, gradients, moments and the count of steps of a policy or a critic."""
 
@@ -23,6 +26,33 @@ _Row = tuple[Tensor, ...]
 def _clip(gradient: Tensor, max_norm: float) -> None:
     """Scale a gradient (P,) in place: g ← g·min(1, c/(‖g‖ + 10⁻⁶))."""
     gradient.mul_((max_norm / (gradient.norm() + CLIP_EPSILON)).clamp(max=1))
+
+
+class _InstanceMoments:
+    """What a joint update keeps of L_ins: gradients of the policies, and Adam's moments of them."""
+
+    def __init__(self, student: ActorCritic) -> None:
+        policies = student.storage[:, : student.n_policy]  # (S, P)
+        self.gradients, self.first, self.second = (torch.zeros_like(policies) for _ in range(3))
+        self.steps = torch.zeros(student.n_seeds)
+        flat = (policies, self.gradients, self.first, self.second, self.steps)
+        self.rows = [tuple(buffer[s] for buffer in flat) for s in range(student.n_seeds)]
+
+    def alone(self, seed: int) -> "_InstanceMoments":
+        """Return one seed's in the same memory."""
+        one, row = copy(self), slice(seed, seed + 1)
+        one.gradients, one.first, one.second = (
+            self.gradients[row],
+            self.first[row],
+            self.second[row],
+        )
+        one.steps, one.rows = self.steps[row], self.rows[row]
+        return one
+
+    def state(self) -> dict[str, Tensor]:
+        """Return the moments, (S, P) each, and the counts of steps, (S,)."""
+        parts = {"first": self.first, "second": self.second, "steps": self.steps}
+        return {OF_INSTANCES + name: tensor for name, tensor in parts.items()}
 
 
 class RowAdam:
@@ -33,7 +63,14 @@ class RowAdam:
     the critic".
     """
 
-    def __init__(self, student: ActorCritic, learning_rate: float) -> None:
+    def __init__(self, student: ActorCritic, learning_rate: float, *, joint: bool = False) -> None:
+        """Begin with empty moments.
+
+        Args:
+            student: whose parameters move.
+            learning_rate: the step size.
+            joint: whether updates are joint, which takes moments of L_ins of their own.
+        """
         cut, n_seeds = student.n_policy, student.n_seeds
         self.first, self.second = (torch.zeros_like(student.storage) for _ in range(2))
         self.steps = torch.zeros(2, n_seeds)
@@ -44,12 +81,14 @@ class RowAdam:
             for s in range(n_seeds)
         ]
         self.learning_rate = learning_rate
+        self.of_instances = _InstanceMoments(student) if joint else None
 
     def alone(self, seed: int) -> "RowAdam":
         """Return one seed's optimiser in the same memory, at the same rate."""
         one, row = copy(self), slice(seed, seed + 1)
         one.first, one.second, one.steps = self.first[row], self.second[row], self.steps[:, row]
         one._rows = self._rows[seed :: self.steps.shape[1]]  # its policy and its critic
+        one.of_instances = self.of_instances and self.of_instances.alone(seed)
         return one
 
     def step(
@@ -75,6 +114,19 @@ class RowAdam:
             self._move(self._rows[:n], policies, scale)
             self._move(self._rows[n:], critics, 1.0)
 
+    def step_on_instances(
+        self, policies: Sequence[bool], scale: float, max_grad_norm: float | None = None
+    ) -> None:
+        """Move the named policies, (S,), by the kept gradients of L_ins at `scale` times the rate.
+
+        The moments are those of L_ins alone, so that α₂ is a step size (paper, algorithm 1).
+        """
+        assert self.of_instances is not None
+        for row, moves in zip(self.of_instances.rows, policies, strict=True):
+            if moves and max_grad_norm is not None:
+                _clip(row[1], max_grad_norm)
+        self._move(self.of_instances.rows, policies, scale)
+
     def _move(self, named: Sequence[_Row], moving: Sequence[bool], scale: float) -> None:
         rows = [row for row, moves in zip(named, moving, strict=True) if moves]
         if not rows:
@@ -89,7 +141,8 @@ class RowAdam:
 
     def state(self) -> dict[str, Tensor]:
         """Return the moments, (S, P) each, and how many steps policies and critics took, (2, S)."""
-        return {"first": self.first, "second": self.second, "steps": self.steps}
+        state = {"first": self.first, "second": self.second, "steps": self.steps}
+        return state | (self.of_instances.state() if self.of_instances else {})
 
     def load(self, state: dict[str, Tensor]) -> None:
         """Put moments and step counts in place.
@@ -98,6 +151,8 @@ class RowAdam:
             ValueError: a tensor has another shape: the state is of another network or other seeds.
         """
         for name, tensor in self.state().items():
+            if name.startswith(OF_INSTANCES) and name not in state:
+                continue  # of a run that was begun before these were kept: they begin empty
             if state[name].shape != tensor.shape:
                 shape, expected = tuple(state[name].shape), tuple(tensor.shape)
                 raise ValueError(f"the optimiser's {name} is {shape}, wanted {expected}")

@@ -68,12 +68,11 @@ class _Orders:
         cls, samples: Samples, spec: UpdateSpec, rngs: Sequence[np.random.Generator]
     ) -> "_Orders":
         """Draw them by each seed's own generator."""
-        orders = cls([], [])
-        for _ in range(spec.ppo.n_epochs):
-            orders.own.append(shuffle(samples, rngs))
-            if spec.instances is not None:
-                orders.of_instances.append(shuffle(spec.instances, rngs))
-        return orders
+        of_instances = []
+        if spec.instances is not None:  # by generators of their own, which leave the others alone
+            others = [rng.spawn(1)[0] for rng in rngs]
+            of_instances = [shuffle(spec.instances, others) for _ in range(spec.ppo.n_epochs)]
+        return cls([shuffle(samples, rngs) for _ in range(spec.ppo.n_epochs)], of_instances)
 
 
 def take_steps(
@@ -146,14 +145,18 @@ def _take_steps(
         for j in range(int(n_steps.max())):
             bounds = (samples.counts.clamp(max=size * j), samples.counts.clamp(max=size * (j + 1)))
             positions, counts = minibatch(order, *bounds)
-            loss, metrics = _loss(student, samples, positions, counts, spec)
-            if spec.instances is not None:
+            share = None
+            if spec.instances is not None and spec.moves_policy:
                 steps = torch.tensor([[j], [j + 1]])
                 share = _share(orders.of_instances[epoch], spec, steps, n_steps)
-                loss = _joint_loss(student, loss, share, spec, means)
+                _keep_instance_gradient(student, optimizer, share, spec, means)
+            loss, metrics = _loss(student, samples, positions, counts, spec)
             means.add(counts, metrics)
             _check_finite(loss, metrics)
             _step(student, optimizer, loss, (counts > 0).tolist(), spec)
+            if share is not None:
+                moving, norm = (share.counts > 0).tolist(), spec.ppo.max_grad_norm
+                optimizer.step_on_instances(moving, spec.instance_scale, norm)
             advance()
             check()
     return spec.of_moved(means.numpy())
@@ -185,15 +188,19 @@ def _share(order: Tensor, spec: UpdateSpec, steps: Tensor, n_steps: Tensor) -> S
     return spec.instances.pick(*minibatch(order, bounds[0], bounds[1]))
 
 
-def _joint_loss(
-    student: ActorCritic, loss: Tensor, share: Samples, spec: UpdateSpec, means: Means
-) -> Tensor:
-    """Return −α₁·L_rep − α₂·L_ins, (S,), and add the metrics of L_ins (paper, algorithm 1)."""
-    if not spec.moves_policy:
-        return spec.alphas[0] * loss
-    of_instances, metrics = instance_loss(student, share, spec)
+def _keep_instance_gradient(
+    student: ActorCritic, optimizer: RowAdam, share: Samples, spec: UpdateSpec, means: Means
+) -> None:
+    """Keep ∇L_ins at θ until ∇L_rep at the same θ is known, and add the metrics of L_ins.
+
+    θ ← θ + α₁·Adam(∇L_rep) + α₂·Adam(∇L_ins)      (paper, algorithm 1)
+    """
+    assert optimizer.of_instances is not None
+    loss, metrics = instance_loss(student, share, spec)
     means.add(share.counts, {name: metrics[name] for name in ("log_ratio", "kept_clip_fraction")})
-    return spec.alphas[0] * loss + spec.alphas[1] * of_instances
+    _check_finite(loss, metrics)
+    _differentiate(student, loss, "policy")
+    optimizer.of_instances.gradients.copy_(student.gradients[:, : student.n_policy])
 
 
 def _check_finite(loss: Tensor, metrics: dict[str, Tensor]) -> None:
@@ -205,14 +212,28 @@ def _check_finite(loss: Tensor, metrics: dict[str, Tensor]) -> None:
     raise DivergedError.of_loss(name, metrics.get(name, loss)[s].item(), s)
 
 
+def _differentiate(student: ActorCritic, loss: Tensor, networks: Networks) -> None:
+    """Put the gradient of all seeds' losses, (S,), in place; seeds share no parameter."""
+    columns = _columns(student, networks)
+    student.gradients[:, columns].zero_()  # the others may be learning meanwhile
+    torch.autograd.backward(loss.sum())
+
+
+def _columns(student: ActorCritic, networks: Networks) -> slice:
+    """Return where the parameters of these networks are in a seed's row."""
+    cut = student.n_policy
+    return {"both": slice(None), "policy": slice(cut), "critic": slice(cut, None)}[networks]
+
+
 def _step(
     student: ActorCritic, optimizer: RowAdam, loss: Tensor, moving: list[bool], spec: UpdateSpec
 ) -> None:
-    """Follow the gradient of the sum of all seeds' losses, (S,); seeds share no parameter."""
-    cut = student.n_policy
-    start, stop = {"both": (0, None), "policy": (0, cut), "critic": (cut, None)}[spec.networks]
-    student.gradients[:, start:stop].zero_()  # the others may be learning meanwhile
-    torch.autograd.backward(loss.sum())
+    """Follow the gradient of all seeds' losses, (S,), and of the squared norm of their weights."""
+    _differentiate(student, loss, spec.networks)
+    if decay := spec.ppo.weight_decay:
+        columns = _columns(student, spec.networks)
+        weights = student.storage[:, columns] * student.is_weight[columns]
+        student.gradients[:, columns] += decay * weights
     frozen = [False] * student.n_seeds
     policies = moving if spec.moves_policy else frozen
     critics = moving if spec.moves_critic else frozen

@@ -38,21 +38,20 @@ def log_likelihood(log_probs: Tensor, advantages: Tensor) -> Tensor:
     return -log_probs * advantages
 
 
-def penalized_surrogate(
-    log_probs: Tensor, behavior_log_probs: Tensor, advantages: Tensor, kl: Tensor, kl_coef: float
-) -> Tensor:
-    """The objective of TRPO with a penalty in place of its constraint, negated (paper, appendix A).
+def surrogate(log_probs: Tensor, behavior_log_probs: Tensor, advantages: Tensor) -> Tensor:
+    """The objective without clipping, negated.
 
-        L(θ) = −(ρA − β·KL[μ(·|s), π_θ(·|s)]),   ρ = π_θ(a|s) / μ(a|s)
+        L(θ) = −ρA,   ρ = π_θ(a|s) / μ(a|s)
+
+    On the student's samples it is TRPO's, beside a KL (paper, appendix A). On a teacher's it is
+    A2C's and REINFORCE's: its gradient −ρA·∇log π_θ is that of J_ins (paper, appendix E).
 
     Args:
         log_probs: log π_θ(a|s), (S, B).
         behavior_log_probs: log μ(a|s) of the policy that acted, (S, B).
         advantages: Â(s, a), (S, B).
-        kl: KL[μ(·|s), π_θ(·|s)], (S, B).
-        kl_coef: β.
     """
-    return -(torch.exp(log_probs - behavior_log_probs) * advantages - kl_coef * kl)
+    return -torch.exp(log_probs - behavior_log_probs) * advantages
 
 
 def squared_error(values: Tensor, returns: Tensor) -> Tensor:

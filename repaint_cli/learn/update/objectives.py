@@ -13,8 +13,8 @@ from repaint_cli.learn.update.losses import (
     approx_kl,
     clipped_surrogate,
     log_likelihood,
-    penalized_surrogate,
     squared_error,
+    surrogate,
 )
 from repaint_cli.learn.update.spec import UpdateSpec
 from repaint_cli.policies.distributions import Distribution
@@ -36,18 +36,36 @@ def masked_mean(numbers: Tensor, counts: Tensor) -> Tensor:
     return row_sums(numbers * (1 / counts.clamp(min=1)).unsqueeze(1), counts)
 
 
-def objective(policy: Distribution, log_probs: Tensor, batch: Samples, spec: UpdateSpec) -> Tensor:
-    """Return −L of each sample, (S, b), by `ppo.objective`; μ is the policy that acted."""
-    ppo = spec.ppo
-    if ppo.objective in ("a2c", "reinforce"):
-        return log_likelihood(log_probs, batch.advantages)
-    if ppo.objective == "trpo":
-        assert batch.behavior is not None
-        kl = batch.behavior.cross_entropy(policy) - batch.behavior.entropy()
-        return penalized_surrogate(
-            log_probs, batch.behavior_log_probs, batch.advantages, kl, ppo.kl_coef
-        )
-    return clipped_surrogate(log_probs, batch.behavior_log_probs, batch.advantages, spec.clip_range)
+def objective(log_probs: Tensor, batch: Samples, spec: UpdateSpec, *, of_teacher: bool) -> Tensor:
+    """Return −L of each sample, (S, b), by `ppo.objective`; μ is the policy that acted.
+
+    Args:
+        log_probs: log π_θ(a|s), (S, b).
+        batch: the samples.
+        spec: which objective.
+        of_teacher: whether a teacher acted.
+    """
+    mu, advantages = batch.behavior_log_probs, batch.advantages
+    if spec.ppo.objective == "clipped":
+        return clipped_surrogate(log_probs, mu, advantages, spec.clip_range)
+    if spec.ppo.objective == "trpo" or (of_teacher and spec.importance):
+        return surrogate(log_probs, mu, advantages)
+    return log_likelihood(log_probs, advantages)
+
+
+def kl_loss(policy: Distribution, batch: Samples, spec: UpdateSpec) -> Tensor | float:
+    """Return β·KL(μ‖π_θ), the largest over the states or their mean, (S,); 0 where μ is not kept.
+
+    The paper's TRPO has the "maximum KL divergence computed over states" (appendix A); here these
+    are the states of a minibatch.
+    """
+    if batch.behavior is None:
+        return 0.0
+    kl = batch.behavior.cross_entropy(policy) - batch.behavior.entropy()  # (S, b)
+    if spec.ppo.kl_over == "mean":
+        return spec.ppo.kl_weight * mean_over(batch.counts, kl.shape[1])(kl)
+    real = torch.arange(kl.shape[1]) < batch.counts.unsqueeze(1)
+    return spec.ppo.kl_weight * kl.where(real, 0.0).amax(1)  # a KL is never negative
 
 
 def representation_loss(
@@ -73,8 +91,9 @@ def representation_loss(
     if spec.moves_policy:
         policy = student.policy(obs, counts.tolist())
         log_probs = policy.log_prob(batch.actions)
+        loss_of_samples = mean(objective(log_probs, batch, spec, of_teacher=False))
         metrics |= {
-            "policy_loss": mean(objective(policy, log_probs, batch, spec)),
+            "policy_loss": loss_of_samples + kl_loss(policy, batch, spec),
             "entropy": mean(policy.entropy().expand_as(log_probs)),
         } | _ratio_metrics(log_probs, batch, spec.clip_range, mean)
         loss += [metrics["policy_loss"], -spec.ppo.ent_coef * metrics["entropy"]]
@@ -98,7 +117,7 @@ def instance_loss(
     """
     policy = student.policy(batch.observations.take(batch.rows), batch.counts.tolist())
     log_probs, mean = policy.log_prob(batch.actions), mean_over(batch.counts, batch.rows.shape[1])
-    loss = mean(objective(policy, log_probs, batch, spec))
+    loss = mean(objective(log_probs, batch, spec, of_teacher=True)) + kl_loss(policy, batch, spec)
     metrics = {"policy_loss": loss} | _ratio_metrics(log_probs, batch, spec.clip_range, mean)
     log_ratio = mean(log_probs - batch.behavior_log_probs)
     return loss, metrics | {"log_ratio": log_ratio, "kept_clip_fraction": metrics["clip_fraction"]}

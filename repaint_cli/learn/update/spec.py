@@ -35,8 +35,10 @@ class UpdateSpec:
     instances: Samples | None = None
     """Selected teacher samples of a joint update: every minibatch takes its share of them (paper,
     algorithm 1)."""
-    alphas: tuple[float, float] = (1.0, 1.0)
-    """α₁ and α₂, weights of L_rep and L_ins in a joint update."""
+    instance_scale: float = 1.0
+    """α₂: what the learning rate of their steps is multiplied by."""
+    importance: bool = True
+    """Whether teacher samples are weighed by ρ where the objective does not contain it."""
 
     def __post_init__(self) -> None:
         if self.loss == "instance" and self.networks != "policy":

@@ -43,7 +43,8 @@ def applies_to(student: ActorCritic, spec: UpdateSpec) -> bool:
     """Tell whether a student's networks are dense with tanh, and the loss is the one here."""
     dense = student.net.kind == "mlp" and student.net.activation == "tanh"
     clipped = spec.ppo.objective == "clipped" and spec.instances is None
-    return spec.ppo.compiled and dense and clipped
+    plain = not (spec.ppo.weight_decay or spec.ppo.kl_weight)
+    return spec.ppo.compiled and dense and clipped and plain
 
 
 def take_steps(
