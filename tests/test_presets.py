@@ -73,7 +73,9 @@ def test_a_task_that_is_not_the_papers_has_what_holds_everywhere():
 def test_every_setting_is_shown_with_its_source(repaint, preset):
     said = repaint("tasks", "show", "ant", "--preset", preset)
     assert said.code == 0
-    set_lines = [line for line in said.out.splitlines() if re.match(r"(\w+ =|# \w+ is absent)", line)]
+    set_lines = [
+        line for line in said.out.splitlines() if re.match(r"(\w+ =|# \w+ is absent)", line)
+    ]
     assert all(re.search("  # (paper|Coach|ours)$", line) for line in set_lines[1:])
     assert "n_iterations = 1000  # paper" in set_lines
     assert 'activation = "tanh"  # Coach' in set_lines

@@ -7,6 +7,7 @@ import pytest
 import torch
 from numpy.testing import assert_array_equal
 from small_learners import (
+    course_for,
     instances_from,
     learner_of,
     spec_of,
@@ -193,6 +194,31 @@ def test_trpos_instances_are_penalised_by_the_divergence_from_who_acted():
     ratio = (policy.log_prob(kept.actions) - kept.behavior_log_probs).exp()
     expected = -(ratio * kept.advantages - 2 * torch.cat(kl, 1)).mean()
     assert_close(loss[0], expected, rtol=1e-4, atol=1e-5)
+
+
+def test_instances_are_learned_on_the_scale_of_the_students_own():
+    kept = {}
+    for scale in ("selected", "raw", "student"):
+        select = {"rule": "all", "scale": "teacher-batch", "loss_scale": scale}
+        task = reach(select=select)
+        learner = learner_of(task, [0])
+        teachers = teachers_of(untrained_teacher(task))
+        course = course_for(task, learner, teachers)
+        course.last = replace(
+            course.last, moments=(torch.full((1, 1), 3.0), torch.full((1, 1), 4.0))
+        )
+        kept[scale] = instances_from(task, learner, teachers, 2, course)[0].advantages
+    assert_close(kept["student"], kept["raw"] / 4)
+    centred = kept["raw"] - kept["raw"].mean()
+    assert_close(kept["selected"], centred / centred.std(correction=0), rtol=1e-4, atol=1e-5)
+
+
+@pytest.mark.parametrize(("least", "learns"), [(72, True), (73, False)])
+def test_on_fewer_samples_than_the_least_no_step_is_taken(least, learns):
+    task = reach(n_epochs=1, n_iterations=2, select={"rule": "all", "min_samples": least})
+    learner, teachers = learner_of(task, [0]), teachers_of(untrained_teacher(task))
+    steps = [learner.optimizer.steps[0].item() for _ in training(task, learner, teachers)]
+    assert (steps[1] > steps[0]) == learns
 
 
 def test_at_the_old_policy_every_objective_has_ppos_gradient():
