@@ -100,17 +100,21 @@ def reward_function(params):
 """
 
 
+def rows_of(run):
+    return list(csv.DictReader((run / "metrics.csv").read_text().splitlines()))
+
+
 def test_variables_last_from_iteration_to_iteration_and_begin_anew_at_a_resume(repaint, home, mine):
     (home / "reward.py").write_text(EPISODES)
     said = repaint("train-teacher", "--task", mine, "--iterations", 2, "--run", "run")
     assert said.code == 0, said.err
-    rows = list(csv.DictReader((home / "run" / "metrics.csv").open()))
+    rows = rows_of(home / "run")
     for name in ("episode_return", "eval_return"):  # each copy plays an episode an iteration
         assert [float(row[name]) for row in rows] == pytest.approx([6.0, 12.0])
     assert "begin anew" not in said.out
     said = repaint("train-teacher", "--resume", "run", "--iterations", 3)
     assert "warning: the variables of reward.py begin anew; if it remembers" in said.out
-    rows = list(csv.DictReader((home / "run" / "metrics.csv").open()))
+    rows = rows_of(home / "run")
     assert float(rows[2]["eval_return"]) == pytest.approx(6.0)
 
 
