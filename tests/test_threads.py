@@ -110,10 +110,10 @@ def test_a_loss_that_is_not_finite_names_its_seed(together):
     np.testing.assert_equal(metrics["value_loss"], [np.nan, 1])
 
 
-@pytest.mark.parametrize("shared", [False, True])
-def test_cameras_learn_the_same_bits_whatever_the_number_of_threads(monkeypatch, shared):
+@pytest.mark.parametrize("setting", ["net.shared=false", "net.shared=true", "net.precision=bf16"])
+def test_cameras_learn_the_same_bits_whatever_the_number_of_threads(monkeypatch, setting):
     small = ["ppo.n_episodes=2", "ppo.n_epochs=2", "ppo.n_iterations=1", "net.dense=16"]
-    card = read_task("racer-inner").with_settings([*small, f"net.shared={shared}".lower()])
+    card = read_task("racer-inner").with_settings([*small, setting])
     spaces, learned = spaces_of(card), []
     before = torch.get_num_threads()
     try:

@@ -102,6 +102,7 @@ SEES = [
     ("reacher", REACHER, ("net.obs_normalize=false", "net.obs_clip=0.1")),
     ("cartpole", Spaces((4,), 2, True), ()),
     ("racer-inner", Spaces((120, 160, 1), 10, True), ("net.dense=32",)),
+    ("racer-inner", Spaces((120, 160, 1), 10, True), ("net.dense=32", "net.precision=bf16")),
     ("racer-avoid", Spaces((120, 160, 1), 10, True, 64), ("net.dense=32",)),
 ]
 
@@ -129,7 +130,7 @@ def test_an_exported_policy_is_the_same_in_onnx(repaint, home, folder, task, spa
             feed["lidar"] = rng.random((n, spaces.n_beams), dtype=np.float32)
             seen = {"camera": seen, "lidar": torch.from_numpy(feed["lidar"]).unsqueeze(0)}
         found = session.run(None, feed)
-        policy = network.policy(seen)
+        policy = network.in_precision("float32").policy(seen)  # as every runtime has it
         wanted = [policy.log_probs] if spaces.discrete else [policy.mean, policy.log_std[0]]
         for ours, theirs in zip(wanted, found, strict=True):
             np.testing.assert_allclose(theirs, ours[0].detach().numpy(), rtol=1e-5, atol=1e-5)

@@ -99,6 +99,8 @@ def evaluate(options: EvaluateOptions) -> None:
     def show(policies: "Policies", episodes: "Episodes") -> None:
         shown = table(policies.name, policies.seeds, policies.card.env, episodes)
         out.print(shown, soft_wrap=False)
+        if (precision := policies.network.net.precision) != "float32":
+            out.print(f"played in {precision} (net.precision)")
 
     check_filmed(options.video_episodes)
     print_notes(options.policy or "")

@@ -58,6 +58,5 @@ def _reward(task: TaskCard) -> str:
 def _net(task: TaskCard) -> str:
     if task.net.kind == "mlp":
         return f"mlp {' × '.join(map(str, task.net.hidden))}"
-    return (
-        f"cnn {task.net.conv if isinstance(task.net.conv, str) else 'with convolutions of its own'}"
-    )
+    conv = task.net.conv if isinstance(task.net.conv, str) else "with convolutions of its own"
+    return f"cnn {conv}" + (f" in {task.net.precision}" if task.net.precision != "float32" else "")

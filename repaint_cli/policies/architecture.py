@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Literal
 
-from pydantic import Field, PositiveFloat, PositiveInt
+from pydantic import Field, PositiveFloat, PositiveInt, ValidationInfo, field_validator
 
 from repaint_cli.settings import Settings
 
@@ -59,6 +59,17 @@ class NetConfig(Settings):
     """Side of the squares of pixels averaged before the convolutions; 1 is the paper's size."""
     shared: bool = False
     """Whether policy and critic share the convolutions."""
+    precision: Literal["float32", "bf16", "auto"] = "float32"
+    """What a `cnn` computes in: float32, bfloat16 (bf16: convolutions and the first dense layer;
+    weights and sums stay float32), or auto: bf16 where the CPU has instructions for it. A run keeps
+    what it began with."""
+
+    @field_validator("precision")
+    @classmethod
+    def _of_images(cls, precision: str, info: ValidationInfo) -> str:
+        if precision == "bf16" and info.data.get("kind") == "mlp":
+            raise ValueError("expected float32 or auto where net.kind is mlp")
+        return precision
 
     def widths(self, network: Literal["policy", "value"]) -> tuple[int, ...]:
         """Return the widths of the dense layers of an `mlp`'s policy or critic."""

@@ -12,7 +12,7 @@ from copy import copy
 from functools import cached_property, reduce
 from math import inf, prod
 from operator import add
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import torch
@@ -23,6 +23,7 @@ from repaint_cli.policies.architecture import NetConfig
 from repaint_cli.policies.distributions import Categorical, Distribution, Gaussian
 from repaint_cli.policies.normalizer import Normalizer
 from repaint_cli.policies.parameters import LIDAR_WIDTHS, NetworkName, leaves_of, orthogonal
+from repaint_cli.policies.precision import resolved
 from repaint_cli.policies.spaces import Spaces
 
 ACTIVATIONS = {"tanh": torch.tanh, "relu": torch.relu, "elu": F.elu}
@@ -42,7 +43,7 @@ class ActorCritic:
     """
 
     def __init__(self, spaces: Spaces, net: NetConfig, n_seeds: int) -> None:
-        self.spaces, self.net, self.n_seeds = spaces, net, n_seeds
+        self.spaces, self.net, self.n_seeds = spaces, resolved(net), n_seeds
         leaves = leaves_of(spaces, net)
         self.leaves = leaves["policy"] + leaves["value"]
         self.n_policy = sum(prod(leaf.shape) for leaf in leaves["policy"])
@@ -78,6 +79,18 @@ class ActorCritic:
         return torch.tensor(kinds).repeat_interleave(
             torch.tensor([prod(leaf.shape) for leaf in self.leaves])
         )
+
+    def in_precision(self, precision: Literal["float32", "bf16", "auto"]) -> "ActorCritic":
+        """Return these networks computing in another precision, in the same memory."""
+        other = copy(self)
+        other.net = resolved(self.net.model_copy(update={"precision": precision}))
+        other._seeds = [one.in_precision(precision) for one in self._seeds]
+        return other
+
+    @property
+    def _dtype(self) -> torch.dtype:
+        """Of convolutions and of the large dense layers, which are most of the arithmetic."""
+        return torch.bfloat16 if self.net.precision == "bf16" else torch.float32
 
     def _views(self) -> Iterator[tuple[str, Tensor]]:
         start = 0
@@ -174,7 +187,7 @@ class ActorCritic:
             for layer in range(len(LIDAR_WIDTHS)):
                 y = torch.relu(self._dense(y, f"{torso}.lidar{layer}"))
             x = torch.cat([x, y], 1)
-        x = torch.relu(self._dense(x, f"{network}.dense"))
+        x = torch.relu(self._dense(x, f"{network}.dense", self._dtype))
         return self._dense(x, f"{network}.head")
 
     def _conv_torso(self, network: NetworkName, images: Tensor) -> Tensor:
@@ -183,19 +196,21 @@ class ActorCritic:
         activation = torch.tanh if torso.tanh else torch.relu
         x = brightness(images, self.net.pool)
         for layer, (_, _, stride) in enumerate(torso.layers):
-            x = activation(F.conv2d(x, *self._layer(f"{network}.conv{layer}"), stride))
+            weight, bias = self._layer(f"{network}.conv{layer}", x.dtype)
+            x = activation(F.conv2d(x, weight, bias, stride).to(self._dtype))
         x = x.flatten(1)
         if torso.dense:
-            x = activation(self._dense(x, f"{network}.embed"))
+            x = activation(self._dense(x, f"{network}.embed", self._dtype))
         return x
 
-    def _dense(self, x: Tensor, name: str) -> Tensor:
-        weight, bias = self._layer(name)
-        return torch.addmm(bias, x, weight)
+    def _dense(self, x: Tensor, name: str, dtype: torch.dtype = torch.float32) -> Tensor:
+        weight, bias = self._layer(name, dtype)
+        return torch.addmm(bias, x.to(dtype), weight)
 
-    def _layer(self, name: str) -> tuple[Tensor, Tensor]:
-        """Return the weight and the bias of a layer of the only seed."""
-        return self.weights[f"{name}.weight"].squeeze(0), self.weights[f"{name}.bias"].squeeze(0)
+    def _layer(self, name: str, dtype: torch.dtype) -> tuple[Tensor, Tensor]:
+        """Return the weight and the bias of a layer of the only seed, as they enter a product."""
+        weight, bias = (self.weights[f"{name}.{part}"].squeeze(0) for part in ("weight", "bias"))
+        return weight.to(dtype), bias.to(dtype)
 
 
 def brightness(images: Tensor, pool: int) -> Tensor:

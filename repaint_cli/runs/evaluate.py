@@ -164,6 +164,7 @@ def _summary(policies: Policies, episodes: Episodes, seeds: list[int]) -> dict[s
     return {
         "policy": policies.name,
         "task": card.name,
+        "precision": policies.network.net.precision,
         "env": card.env.model_dump(mode="json"),
         "eval": card.eval.model_dump(mode="json"),
         "seeds": policies.seeds,

@@ -20,6 +20,7 @@ from repaint_cli.learn.seeding import Purpose
 from repaint_cli.learn.transfer.course import Course
 from repaint_cli.learn.transfer.courses import course_of
 from repaint_cli.policies.networks import ActorCritic
+from repaint_cli.policies.precision import slowness_warnings
 from repaint_cli.runs import evaluations
 from repaint_cli.runs.alarms import alarms_of, alarms_until, reference_of, schedule_warnings
 from repaint_cli.runs.checkpoint import restore, save_checkpoint, settle
@@ -114,7 +115,9 @@ class Experiment:
         if teachers.teachers:
             reference = reference_of(plan.folder, card, plan.algorithm)
         course = course_of(card, teachers.teachers, len(plan.seeds))
-        notices = schedule_warnings(card, begun=plan.begun is not None)
+        begun, taught_by = plan.begun is not None, {t.name: t.task.net for t in teachers.cards}
+        notices = schedule_warnings(card, begun=begun)
+        notices += slowness_warnings(card.net, taught_by, begun=begun)
         record = plan.new_record(teachers)
         return cls(plan, teachers, learner, course, record, reference, notices=notices)
 

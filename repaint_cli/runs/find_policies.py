@@ -133,7 +133,10 @@ def with_settings(
                 f"the policies have {policies.network.spaces}, the task so set has "
                 f"{spaces_of(card)}"
             )
+        network = policies.network
+        if any(setting.startswith("net.precision=") for setting in settings):
+            network = network.in_precision(card.net.precision)
         name = f"{policies.name} · {', '.join(settings)}"
         folder = RUNS / card.name / f"eval-set-{stamp()}"
-        policies = replace(policies, name=name, folder=folder)
+        policies = replace(policies, name=name, network=network, folder=folder)
     return replace(policies, card=card.model_copy(update={"env": card.env.for_replay()}))

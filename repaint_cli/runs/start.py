@@ -6,6 +6,7 @@ from pathlib import Path
 
 from repaint_cli.errors import NotFound, StoreError, UsageError, some
 from repaint_cli.files.provenance import stamp
+from repaint_cli.policies.precision import resolved
 from repaint_cli.runs.folder import RUNS
 from repaint_cli.runs.plan import Plan, plan_of
 from repaint_cli.runs.reader import read_run
@@ -30,8 +31,8 @@ def plan_teacher(
     name = new_teacher_name(name or card.name, replace)
     place = new_folder(folder, card.name, "scratch")
     return Plan(
-        card, "scratch", numbers, place, teacher_name=name, replace=replace, keep=keep,
-        numbered=not folder,
+        on_this_machine(card), "scratch", numbers, place, teacher_name=name, replace=replace,
+        keep=keep, numbered=not folder,
     )  # fmt: skip
 
 
@@ -53,8 +54,14 @@ def plan_transfer(
     place = new_folder(folder, card.name, "-".join(names))
     acting = find_acting(instances_from, paths)
     return Plan(
-        card, method, numbers, place, paths, acting, algorithm, keep=keep, numbered=not folder
-    )
+        on_this_machine(card), method, numbers, place, paths, acting, algorithm, keep=keep,
+        numbered=not folder,
+    )  # fmt: skip
+
+
+def on_this_machine(card: TaskCard) -> TaskCard:
+    """Return a card with what this machine decides; a run that is begun on it keeps that."""
+    return card.model_copy(update={"net": resolved(card.net)})
 
 
 def plan_resume(

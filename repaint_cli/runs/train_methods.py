@@ -9,7 +9,7 @@ from repaint_cli.runs.carry_out import carry_out
 from repaint_cli.runs.new_folder import make_new
 from repaint_cli.runs.owner import new_run
 from repaint_cli.runs.plan import Plan
-from repaint_cli.runs.start import checked_seeds, find_teachers, new_folder
+from repaint_cli.runs.start import checked_seeds, find_teachers, new_folder, on_this_machine
 from repaint_cli.runs.workers import train_side_by_side
 from repaint_cli.tasks.card import TaskCard
 from repaint_cli.tasks.methods import METHODS, method_for
@@ -69,6 +69,7 @@ def plan_methods(
             f"expected methods that use a teacher, found {', '.join(methods)}; leave out "
             f"{', '.join(teachers)}"
         )
+    card = on_this_machine(card)
     for name in methods:
         paths = find_teachers(teachers if name in taught else (), name)
         plans.append(Plan(card, name, numbers, root / name, paths))

@@ -82,7 +82,7 @@ class _Policy(torch.nn.Module):
 
 
 def write_onnx(network: ActorCritic, card: TeacherCard, path: Path) -> None:
-    """Write a policy as ONNX; its card is in the model's metadata under `repaint`.
+    """Write a policy as ONNX, in float32; its card is in the model's metadata under `repaint`.
 
     Inputs are `obs`, float32 (B, O) or uint8 (B, H, W, C), and `lidar` (B, beams) where there is
     one; outputs `mean` (B, A) and `log_std` (A,), or `log_probs` (B, A).
@@ -94,10 +94,10 @@ def write_onnx(network: ActorCritic, card: TeacherCard, path: Path) -> None:
     dtype = torch.uint8 if spaces.image else torch.float32
     inputs = [torch.zeros(2, *spaces.obs_shape, dtype=dtype)]
     inputs += [torch.zeros(2, spaces.n_beams)] if spaces.n_beams else []
-    batch = torch.export.Dim("batch")
+    batch, policy = torch.export.Dim("batch"), _Policy(network.in_precision("float32"))
     with _quietly():
         program = torch.onnx.export(
-            _Policy(network).eval(), tuple(inputs), dynamo=True, verbose=False, opset_version=OPSET,
+            policy.eval(), tuple(inputs), dynamo=True, verbose=False, opset_version=OPSET,
             input_names=["obs", "lidar"][: len(inputs)],
             output_names=["log_probs"] if spaces.discrete else ["mean", "log_std"],
             dynamic_shapes=tuple({0: batch} for _ in inputs),
