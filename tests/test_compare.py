@@ -357,7 +357,7 @@ def test_a_comparison_of_one_run_names_the_training_that_it_lacks(repaint, two_r
     assert said.out.splitlines()[-1].startswith(scratch)
     following = said.out.splitlines()[-1].removeprefix("next: repaint ")
     assert repaint(*shlex.split(following), "--run", "three").code == 0
-    assert repaint("compare", "two", "three").out.startswith("reacher, target")
+    assert repaint("compare", "two", "three").out.startswith("reacher, compared with scratch\n")
     assert repaint("compare", "one").out.endswith("\nnext: repaint open one\n")
 
 
