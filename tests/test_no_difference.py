@@ -32,6 +32,9 @@ def test_numbers_of_groups_by_hand():
     # means: [0 1 1] and [0 1 1], whose best is 1, first at 2; then [0 .5 1.5] and [0 1.5 .5]
     assert_allclose(no_difference.reductions(returns, groups), [0, -0.5])
     assert_allclose(no_difference.reductions(returns, groups, 9.0), [NAN, NAN])
+    groups = np.array([[[0, 2], [0, 1]], [[0, 1], [1, 3]]])
+    # [0 .5 1.5] to the best of [0 1 1]: 3 against 2; [0 1 1] never gets to that of [0 1.5 .5]
+    assert_allclose(no_difference.reductions(returns, groups), [-0.5, NAN])
 
 
 def test_differences_of_groups_spread_as_those_of_two_runs_do():
