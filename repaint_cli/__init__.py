@@ -205,18 +205,18 @@ def compare(
     folders: Sequence[Name],
     *,
     reference: Name | None = None,
-    target: float | None = None,
+    target: float | Sequence[float] | None = None,
     picture: Name | None = None,
     report: Name | None = None,
     on_comparison: "OnComparison | None" = None,
     replace: bool = False,
 ) -> "ComparedRuns":
-    """Compare runs of one task by returns, and by what they took to reach a target.
+    """Compare runs of one task by returns, and by what they took to reach targets.
 
     `reference` is the run or method that others are compared with, scratch where absent, `target`
-    the score to reach, its best mean where absent. The curves are drawn in `picture`, compare.png
-    where absent; or, with tables and a page that explains them, in the folder `report`; `replace`
-    allows for files there that repaint did not write. Before that `on_comparison` is called.
+    returns to reach, shares of what it converged to where absent. The curves are drawn in
+    `picture`, compare.png where absent; or, with tables and a page that explains them, in the
+    folder `report`; `replace` allows for files of others there. Before, `on_comparison` is called.
     """
     from repaint_cli.runs.compare import compare_runs
 

@@ -16,6 +16,7 @@ from repaint_cli.cli import open as open_command
 from repaint_cli.errors import CardError, NotFound, StoreError
 from repaint_cli.runs import page_curves, page_files, page_tables, run_page
 from repaint_cli.runs.comparison import comparison_of
+from repaint_cli.runs.comparison_words import target_name
 from repaint_cli.runs.glossary import GLOSSARY, MEANING_OF
 from repaint_cli.runs.page_curves import MOST_POINTS, curves_json
 from repaint_cli.runs.run_page import fresh_page, write_run_page
@@ -129,7 +130,7 @@ def test_the_names_of_strangers_are_texts(repaint, home):
     for path in (home / "<script>" / "report.html", fresh_page(home / folders[0])):
         page = Page(path)
         assert len(page.scripts) == 2
-        assert not page.each("img")
+        assert all(image["src"].startswith("data:image/png;") for image in page.each("img"))
         assert not page.each("b")
         assert "<script>alert(4)</script>" in page.words
         assert "<script>alert(3)</script> {{ 7 * 7 }}" in page.words
@@ -158,13 +159,26 @@ def test_a_page_that_fails_costs_a_line_and_no_run(repaint, home, monkeypatch, f
 
 def test_the_tables_of_a_comparison_are_its_numbers(repaint, two, home):
     assert repaint("compare", "one", "two", "--report", "report").code == 0
-    page, comparison = Page(home / "report" / "report.html"), comparison_of(two, "scratch", None)
-    scores, *times, alarms, settings = page.tables
-    assert scores[0] == ["run", "seeds", "jump-start", "area", "best", "final", "p"]
+    page, comparison = Page(home / "report" / "report.html"), comparison_of(two, "scratch")
+    scores, gaps, ladder, earlier, *times, alarms, settings = page.tables
+    assert scores[0] == ["run", "seeds", "jump-start", "area", "area by steps", "best", "final"]
     for cells, row in zip(scores[1:], comparison.standings, strict=True):
         assert cells[0].strip() == row.label
         assert float(cells[3].split()[0]) == pytest.approx(row.area[0], rel=1e-3)
-        assert float(cells[4]) == pytest.approx(row.best, rel=1e-3)
+        assert float(cells[5]) == pytest.approx(row.best, rel=1e-3)
+    (against,) = [row.against for row in comparison.standings if row.against]
+    assert gaps[1][0].strip() == "repaint from gentle"
+    assert float(gaps[1][1].split()[0]) == pytest.approx(against.area.mean[0], rel=1e-3)
+    assert gaps[1][2] == "0.25"
+    assert gaps[1][5] == "3"  # pairs
+    first, taught = comparison.standings
+    assert ladder[0] == earlier[0] == ["run", *map(target_name, first.targets)]
+    assert [float(cell.split()[0]) for cell in ladder[2][1:]] == [
+        pytest.approx(one.k[0], rel=1e-2) for one in taught.targets
+    ]
+    assert [cell.rpartition(" p = ")[2] for cell in earlier[1][1:]] == [
+        f"{one.p:.2g}" for one in taught.targets
+    ]
     assert len(times) == len(page.data["targets"]) > 4
     names = ["run", "K", "K reduced", "time reduced", "steps", "time", "each seed's K"]
     for table, target in zip(times, page.data["targets"], strict=True):
@@ -187,13 +201,16 @@ def test_the_tables_of_a_comparison_are_its_numbers(repaint, two, home):
         ["ppo.gamma", "0.99", "0.9"],
     ]
     assert "the best mean of scratch" in page.words
-    assert "repaint from gentle earned" in page.words
+    assert "repaint from gentle is probably ahead of scratch" in page.words
+    assert "3 seeds: p cannot be below 0.25" in page.words
+    assert "By this measure two runs like scratch, with 3 seeds each, give “never”" in page.words
+    assert len(page.each("img")) == 2  # K(target) and profiles
     assert "repaint compare one two --report report" in page.words
 
 
 def test_the_page_of_a_run_offers_round_targets(two):
     run = two["scratch"]
-    comparison = comparison_of({"scratch": run}, None, None)
+    comparison = comparison_of({"scratch": run}, None)
     found = page_tables.targets({"scratch": run}, comparison)
     low, step = found["levels"][0], found["levels"][1] - found["levels"][0]
     assert found["levels"] == pytest.approx(
@@ -205,13 +222,14 @@ def test_the_page_of_a_run_offers_round_targets(two):
     assert found["chosen"] == len(found["levels"]) - 1
     assert found["heads"] == ["run", "K", "steps", "time", "each seed's K"]
     flat = write_run(run.folder / "flat", [[3.0, 3.0]])
-    found = page_tables.targets({"flat": flat}, comparison_of({"flat": flat}, None, None))
+    found = page_tables.targets({"flat": flat}, comparison_of({"flat": flat}, None))
     assert found["levels"] == [3.0]
 
 
 def test_every_column_of_numbers_leads_to_what_it_means(two):
-    comparison = comparison_of(two, "scratch", None)
+    comparison = comparison_of(two, "scratch")
     heads = page_tables.scores(comparison)[0] + page_tables.targets(two, comparison)["heads"]
+    heads += page_tables.differences(comparison)[0]
     assert set(heads) - {"run"} <= MEANING_OF.keys()
     assert set(MEANING_OF.values()) <= {anchor for anchor, *_ in GLOSSARY}
     named = " ".join(name for _, name, _ in GLOSSARY)

@@ -83,5 +83,5 @@ def test_long_commands_break_before_options(home):
 
 
 def test_no_path_is_taken_for_an_option():
-    text = compare_command([Path("-a"), Path("b c")], Path("-a"), -4.5, Path("-r"))
+    text = compare_command([Path("-a"), Path("b c")], Path("-a"), [-4.5], Path("-r"))
     assert text == "repaint compare ./-a 'b c' --reference ./-a --target=-4.5 --report ./-r"

@@ -26,7 +26,7 @@ def test_a_comparison_is_printed_before_its_files(repaint, run, words):
     assert said.code == StoreError.exit_code
     assert said.err.startswith("error: cannot ")
     assert said.err.count("\n") == 1
-    assert said.out.startswith("reacher, target ")
+    assert said.out.startswith("reacher, compared with scratch\n")
     assert "over 2 iterations" in " ".join(said.out.split())
     assert "wrote" not in said.out
     printed = repaint("compare", "run", "--json", *words)

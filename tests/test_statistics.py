@@ -3,15 +3,18 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from repaint_cli.report.statistics import (
+    area_by_steps,
     area_under_curve,
     bootstrap_mean,
-    differ_by_chance,
+    converged_score,
     interquartile_mean,
-    iqm_ci,
+    interquartile_mean_of,
     iteration_of_mean,
     iterations_to,
     mean_ci,
-    reduction_ci,
+    mean_of,
+    t_interval,
+    trims,
 )
 
 NAN = np.nan
@@ -90,20 +93,29 @@ def test_a_flat_list_is_refused():
         iterations_to([1.0, 2.0], 1.0)
 
 
+def test_a_t_interval_by_the_table():
+    # s of 1, 2, 3 is 1; t of two degrees of freedom is 4.303
+    mean, low, high = t_interval([[1.0, 5.0], [2.0, 5.0], [3.0, NAN]])
+    assert_allclose([mean[0], low[0], high[0]], [2, 2 - 4.3027 / 3**0.5, 2 + 4.3027 / 3**0.5], 1e-4)
+    assert np.isnan([mean[1], low[1], high[1]]).all()
+    assert_array_equal(mean_of([4.0]), [4, NAN, NAN])
+    assert np.isnan(mean_of([])).all()
+
+
 def test_the_interquartile_mean_leaves_out_a_quarter_at_each_end():
     assert interquartile_mean([100.0, 1.0, 2.0, -50.0]) == 1.5
     assert interquartile_mean([3.0]) == 3.0
-    mean, low, high = iqm_ci([1.0, 2.0, 3.0, 4.0, 50.0])
+    mean, low, high = interquartile_mean_of([1.0, 2.0, 3.0, 4.0, 50.0])
     assert mean == 3
-    assert 1 <= low < 3 < high <= 50
-    assert_array_equal(iqm_ci([3.0]), [3, NAN, NAN])
+    # winsorised 2 2 3 4 4: s 1; three are left, t of two degrees of freedom is 4.303
+    assert (high - mean, mean - low) == pytest.approx((4.303 * 5**0.5 / 3,) * 2, rel=1e-3)
+    assert_array_equal(interquartile_mean_of([3.0]), [3, NAN, NAN])
 
 
-def test_p_of_two_kinds_by_hand():
-    # of 20 ways to choose three of six, one is as high as this one and one as low
-    assert differ_by_chance([4.0, 5.0, 6.0], [1.0, 2.0, 3.0]) == pytest.approx(2 / 20)
-    assert differ_by_chance([1.0, 2.0, 3.0], [1.0, 2.0, 3.0]) == pytest.approx(1)
-    assert np.isnan(differ_by_chance([1.0], [2.0, 3.0]))
+def test_with_three_seeds_nothing_can_be_left_out():
+    assert [trims(n) for n in (1, 3, 4, 7, 8)] == [0, 0, 1, 1, 2]
+    values = [1.0, 2.0, 30.0]
+    assert_allclose(interquartile_mean_of(values), mean_of(values))
 
 
 def test_the_mean_reaches_the_target_or_does_not():
@@ -111,17 +123,15 @@ def test_the_mean_reaches_the_target_or_does_not():
     assert np.isnan(iteration_of_mean([[0.0, 1.0]], 2.0))
 
 
-def test_reduction_by_hand():
-    scratch = [[0.0] * 9 + [1.0]] * 3  # K = 10
-    quick = [[0.0] * 3 + [1.0] * 7] * 3  # K = 4
-    assert_allclose(reduction_ci(quick, scratch, 1.0), [0.6, 0.6, 0.6])
-    assert_array_equal(reduction_ci([[0.0] * 10] * 3, scratch, 1.0), [NAN] * 3)
-    assert_allclose(reduction_ci(quick[:1], scratch, 1.0), [0.6, NAN, NAN])
+def test_the_area_over_steps_is_that_of_straight_lines():
+    returns, steps = [[0.0, 2.0, 2.0], [0.0, 4.0, 8.0]], [[100, 200, 400], [50, 150, 350]]
+    # from 100 to 350: 0 to 2 over 100, then 2 for 150; 2 to 4 over 50, then 4 to 8 over 200
+    expected = [(100 * 1 + 150 * 2) / 250, (50 * 3 + 200 * 6) / 250]
+    assert_allclose(area_by_steps(returns, steps, 100, 350), expected)
+    assert np.isnan(area_by_steps(returns, steps, 400, 400)).all()
+    assert np.isnan(area_by_steps([[1.0, 2.0]], [[NAN, 5.0]], 1, 4)).all()
 
 
-def test_the_interval_of_a_reduction_holds_what_other_seeds_might_have_shown():
-    scratch = [[0.0] * 9 + [1.0]] * 3
-    mixed = [[0.0] * k + [1.0] * (10 - k) for k in (1, 5, 7)]
-    mean, low, high = reduction_ci(mixed, scratch, 1.0)
-    assert mean == pytest.approx(0.2)  # all three are there at 8
-    assert (low, high) == (pytest.approx(0.2), pytest.approx(0.8))
+def test_a_run_converged_to_the_last_fifth_of_its_mean():
+    assert converged_score([[0.0] * 8 + [1.0, 2.0], [0.0] * 8 + [3.0, 4.0]]) == 2.5
+    assert converged_score([[0.0, 7.0]]) == 7

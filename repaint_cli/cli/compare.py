@@ -1,20 +1,20 @@
 """`repaint compare`."""
 
 import json
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from repaint_cli.cli.compare_options import DEFAULT_METHODS, CompareOptions
-from repaint_cli.cli.dry_run import dry_run
-from repaint_cli.cli.option_rules import check_together, parsed_into, settings_of
-from repaint_cli.cli.option_values import parse_methods, parse_target, seed_list
+from repaint_cli.cli.compare_options import CompareOptions
+from repaint_cli.cli.compare_training import print_what_would_run, train
+from repaint_cli.cli.option_rules import check_together, parsed_into
+from repaint_cli.cli.option_values import parse_targets
+from repaint_cli.errors import UsageError
 from repaint_cli.files.commands import command
 
 if TYPE_CHECKING:
+    from repaint_cli.runs.against_itself import AgainstItself
     from repaint_cli.runs.compare import ComparedRuns, EvaluatedRun
     from repaint_cli.runs.comparison import Comparison
-    from repaint_cli.runs.plan import Plan
 
 
 @parsed_into(CompareOptions)
@@ -26,44 +26,50 @@ def compare(options: CompareOptions) -> None:
     Examples:
         repaint compare runs/reacher/* --report report
         repaint compare --task reacher --teacher reacher-gentle --jobs 2
+        repaint compare --task reacher --methods scratch --aa
     """
-    target = parse_target(options.target)
+    targets = parse_targets(options.target)
     check_together(options)
     if options.dry_run:
-        return _dry_run(options)
+        return print_what_would_run(options)
     folders = list(options.folders or [])
+    if options.aa:
+        _check_one(options, folders)
     if options.task:
-        folders += _train(options, folders)
+        _check_places(options)
+        folders += train(options, folders)
     if options.trajectories:
         return _play(options, folders)
-    return _compare(options, folders, target)
+    if options.aa:
+        return _compare_with_itself(options, folders)
+    return _compare(options, folders, targets)
 
 
-def _dry_run(options: CompareOptions) -> None:
-    """Print what would be trained."""
-    import repaint_cli
+def _check_one(options: CompareOptions, folders: list[Path]) -> None:
+    """Check that there will be one run for --aa.
 
-    methods, seeds, jobs = _asked_for(options)
-    task = repaint_cli.load_task(options.task or "")
-    card = task.with_settings(settings_of(options))
-
-    def plans() -> "Sequence[Plan]":
-        from repaint_cli.runs.train_methods import plan_methods
-
-        return plan_methods(card, methods, options.teacher or (), seeds, jobs)
-
-    dry_run(task, plans, jobs)
+    Raises:
+        UsageError: there are several, or none.
+    """
+    if len(folders) + bool(options.task) != 1:
+        raise UsageError(
+            f"expected one RUN with --aa, or --task without RUN; found {len(folders)} "
+            f"{'run' if len(folders) == 1 else 'runs'}{' and --task' * bool(options.task)}"
+        )
 
 
-def _asked_for(options: CompareOptions) -> tuple[list[str], list[int], int]:
-    """Return the methods that are to be trained, their seeds, and how many runs at a time."""
-    methods = DEFAULT_METHODS if options.methods is None else options.methods
-    seeds = seed_list(options.seed or 0, 3 if options.seeds is None else options.seeds)
-    jobs = 1 if options.jobs is None else options.jobs
-    return parse_methods(methods, jobs), seeds, jobs
+def _check_places(options: CompareOptions) -> None:
+    """Check, before anything is trained, that what will be written replaces no file of others."""
+    from repaint_cli.runs import against_itself, compare
+
+    where = options.output, options.report
+    if options.aa:
+        against_itself.check_places(*where, replace=options.replace)
+    else:
+        compare.check_places(*where, paths=options.trajectories, replace=options.replace)
 
 
-def _compare(options: CompareOptions, folders: list[Path], target: float | None) -> None:
+def _compare(options: CompareOptions, folders: list[Path], targets: tuple[float, ...]) -> None:
     """Compare runs by their returns; print the numbers before anything is written."""
     import repaint_cli
     from repaint_cli.cli.comparison_table import print_comparison
@@ -78,7 +84,7 @@ def _compare(options: CompareOptions, folders: list[Path], target: float | None)
     compared = repaint_cli.compare(
         folders,
         reference=options.reference,
-        target=target,
+        target=targets or None,
         picture=options.output,
         report=options.report,
         on_comparison=show,
@@ -103,28 +109,25 @@ def _next_command(compared: "ComparedRuns", report: Path | None) -> str:
     return following.replace("\\\n    ", "")
 
 
-def _train(options: CompareOptions, folders: list[Path]) -> list[Path]:
-    """Train the methods that are to be compared; return their runs' folders."""
-    from rich.console import Console
+def _compare_with_itself(options: CompareOptions, folders: list[Path]) -> None:
+    """Compare one run with itself; print the numbers before anything is written."""
+    from repaint_cli.cli.comparison_table import print_against_itself
+    from repaint_cli.cli.printing import print_written
+    from repaint_cli.runs.against_itself import compare_with_itself
 
-    import repaint_cli
-    from repaint_cli.cli.live import live
-    from repaint_cli.cli.namesakes import print_notes
-    from repaint_cli.runs.compare import check_places, check_reference
+    def show(alike: "AgainstItself") -> None:
+        if options.json:
+            print(json.dumps(alike.as_json(), indent=2))
+        else:
+            print_against_itself(alike)
 
-    paths = options.trajectories
-    check_places(options.output, options.report, paths=paths, replace=options.replace)
-    methods = DEFAULT_METHODS if options.methods is None else options.methods
-    check_reference(options.reference, folders, methods.split(","))
-    names, seeds, jobs = _asked_for(options)
-    card = repaint_cli.load_task(options.task or "").with_settings(settings_of(options))
-    print_notes(*(options.teacher or ()))
-    screen, trained = Console(stderr=True, soft_wrap=True, highlight=False), list[Path]()
-    with live(screen):
-        for folder in repaint_cli.train_methods(card, names, options.teacher or (), seeds, jobs):
-            trained.append(folder)
-            screen.print(f"{len(trained)} of {len(names)}: wrote [bold]{folder}/[/bold]")
-    return sorted(trained, key=lambda folder: names.index(folder.name))
+    where = options.output, options.report
+    _, written = compare_with_itself(folders[0], *where, show, replace=options.replace)
+    if not options.json:
+        following = (
+            "repaint open {}" if options.report else "repaint compare --aa {} --report report"
+        )
+        print_written(written, command(following, options.report or folders[0]))
 
 
 def _play(options: CompareOptions, folders: list[Path]) -> None:

@@ -17,6 +17,10 @@ WITH_TASK = Condition(lambda options: options.task, "{option} is for --task; lea
 OF_RETURNS = Condition(
     lambda options: not options.trajectories, "{option} is for figures of returns; leave it out"
 )
+OF_SEVERAL = Condition(
+    lambda options: not options.trajectories and not options.aa,
+    "{option} is for figures of returns of several runs; leave it out",
+)
 WITHOUT_REPORT = Condition(
     lambda options: not options.report,
     "{option} is for a single picture, in place of --report; leave it out",
@@ -61,7 +65,12 @@ class CompareOptions(NamedTuple):
     ] = None
     seeds: Annotated[
         int | None,
-        option(TRAINED, "INT", "How many seeds of each method. Default: 3."),
+        option(
+            TRAINED,
+            "INT",
+            "How many seeds of each method. Default: 10, or 3 if an iteration takes over a second; "
+            "twice that with --aa.",
+        ),
         Rule(options=WITH_TASK),
     ] = None
     seed: Annotated[
@@ -91,14 +100,29 @@ class CompareOptions(NamedTuple):
     ] = False
     target: Annotated[
         str,
-        option(COMPARED, "FLOAT", "The score to reach; auto is the reference's best mean."),
-        Rule(options=OF_RETURNS),
+        option(
+            COMPARED,
+            "FLOAT,...",
+            "Returns to reach; auto is shares of what the reference converged to, and its best "
+            "mean.",
+        ),
+        Rule(options=OF_SEVERAL),
     ] = "auto"
     reference: Annotated[
         str | None,
         option(COMPARED, "RUN", "The run or method to compare others with. Default: scratch."),
-        Rule(options=OF_RETURNS),
+        Rule(options=OF_SEVERAL),
     ] = None
+    aa: Annotated[
+        bool,
+        option(
+            COMPARED,
+            None,
+            "Compare one run with itself: what its seeds show where there is no difference.",
+            "--aa",
+        ),
+        Rule(options=OF_RETURNS),
+    ] = False
     report: Annotated[
         Path | None,
         option(WRITE, "FOLDER", "A folder for figures, tables and a page that explains them."),

@@ -1,5 +1,7 @@
 """Values of options that are more than a number or a name, and the settings behind them."""
 
+from math import isfinite, nan
+
 from repaint_cli.errors import UsageError
 from repaint_cli.settings import MOST_SEEDS
 
@@ -65,18 +67,23 @@ def parse_betas(text: str) -> float | list[float]:
     return betas[0] if len(betas) == 1 else betas
 
 
-def parse_target(text: str) -> float | None:
-    """Read --target: a number, or None for auto.
+def parse_targets(text: str) -> tuple[float, ...]:
+    """Read --target: numbers with commas between, or none for auto.
 
     Raises:
-        UsageError: the text is not a number and not auto.
+        UsageError: a part is not a finite number, and the text not auto.
     """
     if text == "auto":
-        return None
+        return ()
     try:
-        return float(text)
-    except ValueError as error:
-        raise UsageError(f"expected --target as a number or auto, found '{text}'") from error
+        targets = tuple(float(part) for part in text.split(","))
+    except ValueError:
+        targets = (nan,)
+    if not all(map(isfinite, targets)):
+        raise UsageError(
+            f"expected --target as a number, several such as -9,-8, or auto; found '{text}'"
+        )
+    return targets
 
 
 def parse_methods(text: str, jobs: int) -> list[str]:

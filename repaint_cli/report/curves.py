@@ -9,7 +9,7 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike
 
 from repaint_cli.report import style
-from repaint_cli.report.statistics import Floats, bootstrap_mean
+from repaint_cli.report.statistics import Floats, t_interval
 
 WIDTH, HEIGHT = 7.6, 4.4
 LABEL_GAP = 0.055
@@ -79,7 +79,7 @@ def _note(curves: Mapping[str, Floats]) -> str:
     if counts[-1] == 1:
         return "one seed a line"
     many = f"{counts[0]}" if len(counts) == 1 else f"{counts[0]} to {counts[-1]}"
-    band = "; shaded: 95 % bootstrap interval of the mean" if counts[-1] >= 3 else ""
+    band = "; shaded: 95 % interval of the mean" if counts[-1] >= 3 else ""
     return f"bold: mean of {many} seeds; thin: each seed{band}"
 
 
@@ -114,7 +114,7 @@ def _curve(axes: Axes, seeds: Floats, colour: str, label: str) -> None:
             axes.plot(iterations[at], seed[at], color=colour, alpha=0.35, linewidth=0.7)
     whole = ~np.isnan(seeds).any(axis=0) if len(seeds) else np.zeros(seeds.shape[1], bool)
     if len(seeds) >= 3:
-        low, high = bootstrap_mean(seeds[:, whole])
+        _, low, high = t_interval(seeds[:, whole])
         axes.fill_between(iterations[whole], low, high, color=colour, alpha=0.15, linewidth=0)
     marker = "o" if 0 < whole.sum() <= 2 else None
     mean = seeds[:, whole].mean(axis=0) if len(seeds) else np.empty(0)

@@ -1,7 +1,8 @@
-"""Few runs, honest numbers: means with bootstrap intervals, and the numbers of a transfer report.
+"""Few runs, honest numbers: means with their intervals, and the numbers of a learning curve.
 
 Deterministic, on numpy and `scipy.stats`. `nan` means "no value": a number over runs is nan as soon
 as one of them has none, because a mean over only the runs that got there would be too good.
+Seeds, which are few, have t intervals; episodes, which are many, a bootstrap.
 
 **R** runs · **S** seeds · **K** iterations, numbered from 1.
 """
@@ -12,15 +13,18 @@ from scipy import stats
 
 Floats = NDArray[np.float64]
 
+Estimate = tuple[float, float, float]
+"""A number and the ends of its 95 % interval, nan where there is none."""
+
 RESAMPLES = 10_000
 AT_ONCE = 500
 """Resamples that lie in memory together."""
-NUMBERS_AT_ONCE = 10_000_000
-"""Numbers of resampled curves that lie in memory together."""
 
 
 def mean_ci(values: ArrayLike, level: float = 0.95, seed: int = 0) -> tuple[float, float, float]:
     """Return the mean over runs and its percentile bootstrap interval.
+
+    For many runs, such as episodes; `mean_of` is for few.
 
     Args:
         values: one number a run, (R,).
@@ -64,99 +68,68 @@ def bootstrap_mean(values: Floats, level: float = 0.95, seed: int = 0) -> tuple[
     return low, high
 
 
+def t_interval(values: ArrayLike, level: float = 0.95) -> tuple[Floats, Floats, Floats]:
+    """Return the mean over runs and Student's interval of it, column by column.
+
+        mean ± t(R − 1) · s / √R
+
+    With few runs it is wider than a bootstrap's, and holds what it says (docs/comparing.md).
+
+    Args:
+        values: one row a run, (R, …); nan spreads over its column only.
+        level: how often such an interval holds the mean.
+
+    Returns:
+        mean, low and high, each (…); the ends are nan with fewer than two runs.
+    """
+    runs = np.asarray(values, dtype=np.float64)
+    n = len(runs)
+    mean = runs.mean(axis=0) if n else np.full(runs.shape[1:], np.nan)
+    if n < 2:
+        return mean, np.full_like(mean, np.nan), np.full_like(mean, np.nan)
+    wide = stats.t.ppf((1 + level) / 2, n - 1) * runs.std(axis=0, ddof=1) / np.sqrt(n)
+    return mean, mean - wide, mean + wide
+
+
+def mean_of(values: ArrayLike) -> Estimate:
+    """Return the mean of one number a run, (R,), and its 95 % t interval."""
+    mean, low, high = t_interval(_vector(values))
+    return float(mean), float(low), float(high)
+
+
+def trims(n_runs: int) -> int:
+    """Return how many runs at each end an interquartile mean leaves out; with three it is none."""
+    return n_runs // 4
+
+
 def interquartile_mean(values: ArrayLike) -> float:
     """Return the mean of the middle half of the runs (R,): one outlier moves it less."""
     runs = _vector(values)
     return float(stats.trim_mean(runs, 0.25)) if len(runs) else float("nan")
 
 
-def iqm_ci(values: ArrayLike, level: float = 0.95, seed: int = 0) -> tuple[float, float, float]:
-    """Return the interquartile mean over runs (R,) and its percentile bootstrap interval."""
-    runs = _vector(values)
-    if len(runs) < 2 or np.isnan(runs).any():
-        return interquartile_mean(runs), np.nan, np.nan
-    resampled = stats.bootstrap(
-        (runs,), lambda x, axis: stats.trim_mean(x, 0.25, axis), n_resamples=RESAMPLES,
-        confidence_level=level, method="percentile", rng=np.random.default_rng(seed),
-    )  # fmt: skip
-    low, high = resampled.confidence_interval
-    return interquartile_mean(runs), float(low), float(high)
+def interquartile_mean_of(values: ArrayLike, level: float = 0.95) -> Estimate:
+    """Return the interquartile mean over runs, (R,), and its interval after Tukey and McLaughlin.
 
+        IQM ± t(h − 1) · s_w / ((h / R) √R)      h runs are left, s_w is of the winsorised ones
 
-def differ_by_chance(values: ArrayLike, others: ArrayLike, seed: int = 0) -> float:
-    """Return how often runs of one kind, split at random, differ as much in their means: p.
-
-    A permutation test of two sides, exact where there are few splits; nan where there is one.
-
-    Args:
-        values: one number a run, (R,).
-        others: the same of the other kind, (R′,).
-        seed: of the splits, where there are more than 10,000.
+    Where nothing is left out, below four runs, it is the mean and Student's interval.
     """
-    both = _vector(values), _vector(others)
-    if min(len(runs) for runs in both) < 2 or any(np.isnan(runs).any() for runs in both):
-        return float("nan")
-
-    def gap(one: Floats, other: Floats, axis: int) -> Floats:
-        return np.asarray(one.mean(axis) - other.mean(axis))
-
-    test = stats.permutation_test(
-        both, gap, vectorized=True, n_resamples=RESAMPLES, rng=np.random.default_rng(seed)
-    )
-    return float(test.pvalue)
+    runs = np.sort(_vector(values))
+    n, cut = len(runs), trims(len(runs))
+    middle = interquartile_mean(runs)
+    if n < 2 or np.isnan(runs).any():
+        return middle, np.nan, np.nan
+    left = n - 2 * cut
+    winsorised = np.clip(runs, runs[cut], runs[n - 1 - cut])
+    error = winsorised.std(ddof=1) * np.sqrt(n) / left
+    wide = float(stats.t.ppf((1 + level) / 2, left - 1) * error)
+    return middle, middle - wide, middle + wide
 
 
 def iteration_of_mean(returns: ArrayLike, target: float) -> float:
     """Return the first iteration, from 1, at which the seeds' mean is at least `target`, or nan."""
     return float(iterations_to(_matrix(returns).mean(axis=0, keepdims=True), target)[0])
-
-
-def reduction_ci(
-    returns: ArrayLike, reference: ArrayLike, target: float, level: float = 0.95, seed: int = 0
-) -> tuple[float, float, float]:
-    """Return 1 − K / K_ref and its percentile bootstrap interval, nan where one never gets there.
-
-    K and K_ref are the iterations at which the means over seeds reach the target (paper, table 1).
-    Seeds are drawn with replacement; a mean drawn so that never gets there counts as one iteration
-    more than there are.
-
-    Args:
-        returns: evaluated mean returns, (S, K).
-        reference: the same of the run it is compared with, (S′, K′).
-        target: in the unit of the return.
-        level: what share of the resampled numbers the interval holds.
-        seed: of the resampling.
-    """
-    own, others = _matrix(returns), _matrix(reference)
-
-    def reduced(rows: NDArray[np.int64], other_rows: NDArray[np.int64], axis: int) -> Floats:
-        """Return the number for seeds drawn (…, S) and (…, S′), axis the last."""
-        reached = [
-            _reached(curves[drawn].mean(axis - 1), target)
-            for curves, drawn in ((own, rows), (others, other_rows))
-        ]
-        return np.asarray(1 - reached[0] / reached[1])
-
-    if np.isnan([iteration_of_mean(own, target), iteration_of_mean(others, target)]).any():
-        return np.nan, np.nan, np.nan
-    seeds = np.arange(len(own)), np.arange(len(others))
-    mean = float(reduced(*seeds, -1))
-    if min(len(own), len(others)) < 2:
-        return mean, np.nan, np.nan
-    resampled = stats.bootstrap(
-        seeds, reduced, vectorized=True, n_resamples=RESAMPLES // 10, confidence_level=level,
-        batch=max(1, min(RESAMPLES // 10, NUMBERS_AT_ONCE // max(own.size, others.size))),
-        method="percentile", rng=np.random.default_rng(seed),
-    )  # fmt: skip
-    low, high = resampled.confidence_interval
-    return mean, float(low), float(high)
-
-
-def _reached(means: Floats, target: float) -> Floats:
-    """Return the first iteration at the target of mean curves (…, K); K + 1 where there is none."""
-    reached = means >= target
-    first = reached.argmax(axis=-1) + 1
-    return np.asarray(np.where(reached.any(axis=-1), first, means.shape[-1] + 1), np.float64)
 
 
 def area_under_curve(returns: ArrayLike) -> Floats:
@@ -180,6 +153,41 @@ def area_under_curve(returns: ArrayLike) -> Floats:
         return known[:, 0].copy()
     span = iterations[-1] - iterations[0]
     return np.asarray(np.trapezoid(known, iterations, axis=1) / span, dtype=np.float64)
+
+
+def area_by_steps(returns: ArrayLike, steps: ArrayLike, low: float, high: float) -> Floats:
+    """Return the area under each seed's curve over its environment steps, from `low` to `high`.
+
+    Curves are straight between evaluations, and the area is divided by high − low: a mean return.
+
+    Args:
+        returns: evaluated mean returns, (S, K).
+        steps: environment steps that a seed had taken at each of them, (S, K), ascending.
+        low: where the common range of steps begins.
+        high: where it ends.
+
+    Returns:
+        In the unit of the return, (S,); nan where the range is empty or a step is not known.
+    """
+    areas = [
+        _area_between(curve, at, low, high)
+        for curve, at in zip(_matrix(returns), _matrix(steps), strict=True)
+    ]
+    return np.array(areas, dtype=np.float64)
+
+
+def _area_between(curve: Floats, at: Floats, low: float, high: float) -> float:
+    if not low < high or np.isnan([*curve, *at]).any():
+        return float("nan")
+    inside = at[(low < at) & (at < high)]
+    points = np.concatenate([[low], inside, [high]])
+    return float(np.trapezoid(np.interp(points, at, curve), points) / (high - low))
+
+
+def converged_score(returns: ArrayLike) -> float:
+    """Return the mean of the last fifth of the seeds' mean curve, (S, K): where it came to rest."""
+    mean = _matrix(returns).mean(axis=0)
+    return float(mean[-max(1, len(mean) // 5) :].mean())
 
 
 def iterations_to(returns: ArrayLike, target: float) -> Floats:

@@ -6,6 +6,7 @@ Figures are `matplotlib.figure.Figure` on the Agg canvas; pyplot and its global 
 from collections.abc import Iterable
 from itertools import cycle
 from pathlib import Path
+from textwrap import wrap
 from typing import Any
 
 import matplotlib
@@ -23,6 +24,8 @@ from repaint_cli.files.foreign import PICTURE_MARK
 INK, FAINT = "#222222", "#8c8c8c"
 TITLE_SIZE, TEXT_SIZE, NOTE_SIZE = 12, 10, 8.5
 DPI = 150
+LEGEND_LETTERS = 32
+"""Of a line of a legend."""
 
 SAVED: dict[RcKeyType, Any] = {
     "svg.hashsalt": "repaint", "svg.fonttype": "none", "text.usetex": False,
@@ -107,6 +110,14 @@ def note(
         zorder=4,
     )
     words.set_path_effects([withStroke(linewidth=2.5, foreground=axes.get_facecolor())])
+
+
+def legend(figure: Figure) -> None:
+    """Name the lines at the right of the panel, on more lines if a name is long."""
+    (axes,) = figure.axes
+    lines, names = axes.get_legend_handles_labels()
+    wrapped = ["\n".join(wrap(name, LEGEND_LETTERS)) for name in names]
+    figure.legend(lines, wrapped, frameon=False, loc="outside right upper", fontsize=TEXT_SIZE)
 
 
 def disable_mathtext(figure: Figure) -> None:

@@ -65,7 +65,7 @@ OnEvaluatedRun = Callable[[EvaluatedRun], object]
 def compare_runs(
     folders: Sequence[Path],
     reference: str | Path | None = None,
-    target: float | None = None,
+    target: float | Sequence[float] | None = None,
     picture: str | Path | None = None,
     report: str | Path | None = None,
     on_comparison: OnComparison | None = None,
@@ -80,7 +80,8 @@ def compare_runs(
     """
     check_places(picture, report, replace=replace)
     runs = read_runs(folders)
-    comparison = comparison_of(runs, reference_of(runs, str(reference or REFERENCE)), target)
+    targets = () if target is None else target if isinstance(target, Sequence) else (target,)
+    comparison = comparison_of(runs, reference_of(runs, str(reference or REFERENCE)), targets)
     if on_comparison:
         on_comparison(comparison)
     if report:

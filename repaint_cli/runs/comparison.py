@@ -1,4 +1,4 @@
-"""Runs on one task against a reference: the numbers of the paper's tables 1 and 6, per run."""
+"""Runs on one task against a reference: their numbers, and what so few seeds can show."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -6,75 +6,54 @@ from dataclasses import dataclass
 import numpy as np
 
 from repaint_cli.errors import NotFound, some
-from repaint_cli.report.statistics import (
-    area_under_curve,
-    differ_by_chance,
-    iqm_ci,
-    iteration_of_mean,
-    iterations_to,
-    mean_ci,
-    reduction_ci,
-)
+from repaint_cli.report import no_difference
+from repaint_cli.report.arrivals import usual_targets
+from repaint_cli.runs.comparison_rows import as_row, plain
+from repaint_cli.runs.comparison_words import seeds_can_show
 from repaint_cli.runs.reader import RecordedRun
+from repaint_cli.runs.standings import Basis, Standing, standing_of
 
 REFERENCE = "scratch"
 """The run that others are compared with where none is named; it may be absent."""
 
-Estimate = tuple[float, float, float]
-"""A number and the ends of its 95 % bootstrap interval over seeds, nan where there is none."""
+LEAST_SEEDS = 3
+"""Of the reference, for what its seeds would be against each other."""
 
 
 @dataclass(frozen=True)
-class Arrival:
-    """When one run reached a target."""
+class NoDifference:
+    """What the paper's measure says of the reference against itself."""
 
-    label: str
-    reached: float
-    """K, at which the mean curve is at the target; nan if never."""
-    reached_each: tuple[float, ...]
-    """The same of each seed."""
-    reduced: Estimate
-    """1 − K / K of the reference."""
-    env_steps: float
-    """Environment steps a seed had taken at K, teachers' samples counted."""
-    seconds: float
-    """Wall-clock time at K, evaluations counted."""
-    seconds_reduced: float
-    """1 − seconds / seconds of the reference."""
-
-
-@dataclass(frozen=True)
-class Standing(Arrival):
-    """How one run did over the iterations that all have, and when it reached the target."""
-
-    method: str
     seeds: int
-    iterations: int
-    """Of the whole run."""
-    first: Estimate
-    """Mean return of the first evaluation: the jump-start."""
-    area: Estimate
-    """Mean return."""
-    best: float
-    """Highest point of the mean curve."""
-    final: Estimate
-    """Interquartile mean of the last of these evaluations."""
-    chance: float
-    """p of the area's difference from the reference's, by permutation of seeds."""
+    """Of each of the two groups, drawn from the reference's."""
+    never: float
+    """In which share of the draws one of the two does not get there."""
+    reduced: tuple[float, float, float]
+    """1 − K / K_ref in the others: its mean, and between what 95 % of them lie; nan without any."""
+
+    def as_json(self) -> dict[str, object]:
+        """Return it as JSON."""
+        mean, low, high = map(plain, self.reduced)
+        named = {"reduced": mean, "reduced_low": low, "reduced_high": high}
+        return {"seeds": self.seeds, "never": self.never} | named
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """All runs, the target, and the run that they are compared with."""
+    """All runs, the targets, and the run that they are compared with."""
 
     task: str
     target: float | None
+    """Of the paper's measure: the highest that was given, or the reference's best mean."""
+    given: tuple[float, ...]
+    """The targets that were given, ascending; empty where they are shares of the reference's."""
     reference: str | None
-    given: bool
-    """Whether the target was given, and not taken from the reference."""
     iterations: int
     """Iterations that all runs have, over which they are compared."""
+    steps: tuple[float, float]
+    """Environment steps that all seeds of all runs have."""
     standings: tuple[Standing, ...]
+    no_difference: NoDifference | None
 
     def as_json(self) -> dict[str, object]:
         """Return all of it as JSON."""
@@ -83,8 +62,11 @@ class Comparison:
             "target": self.target,
             "reference": self.reference,
             "iterations": self.iterations,
+            "steps": None if self.steps[0] >= self.steps[1] else list(self.steps),
             "warning": self.warning(),
-            "runs": [as_row(standing) for standing in self.standings],
+            "what_seeds_can_show": seeds_can_show(self),
+            "without_difference": self.no_difference and self.no_difference.as_json(),
+            "runs": [as_row(standing, nested=True) for standing in self.standings],
         }
 
     def warning(self, names: Mapping[str, str] | None = None) -> str | None:
@@ -105,11 +87,16 @@ class Comparison:
 
     @property
     def goal(self) -> str:
-        """The target in words."""
+        """The target of the paper's measure in words."""
         if self.target is None:
             return "none"
         of = "" if self.given else f", the best mean of {self.reference}"
         return f"{self.target:.4g}{of}"
+
+    @property
+    def basis(self) -> Standing | None:
+        """The reference's own numbers."""
+        return next((row for row in self.standings if row.label == self.reference), None)
 
 
 def reference_of(runs: Mapping[str, RecordedRun], wanted: str) -> str | None:
@@ -128,89 +115,52 @@ def reference_of(runs: Mapping[str, RecordedRun], wanted: str) -> str | None:
 
 
 def comparison_of(
-    runs: Mapping[str, RecordedRun], reference: str | None, target: float | None
+    runs: Mapping[str, RecordedRun], reference: str | None, targets: Sequence[float] = ()
 ) -> Comparison:
     """Compare runs of one task with a reference, over the iterations that all of them have.
 
     Args:
         runs: by their labels.
         reference: the label of the run that others are compared with, or None.
-        target: the score to reach; the reference's best mean where absent, as in the paper.
+        targets: the returns to reach. Where there are none, they are shares of the reference's
+            converged score, and the paper's measure goes by its best mean.
     """
-    lengths = {label: run.returns.shape[1] for label, run in runs.items()}
-    common = min(lengths.values())
-    parts = {label: run.until(common) for label, run in runs.items()}
-    basis, given = parts[reference] if reference else None, target is not None
-    if target is None and basis is not None:
-        target = float(np.nanmax(basis.returns.mean(0)))
-    standings = [
-        _standing(label, part, basis, target, lengths[label]) for label, part in parts.items()
-    ]
-    task = next(iter(runs.values())).task.name
-    return Comparison(task, target, reference, given, common, tuple(standings))
-
-
-def _standing(
-    label: str, run: RecordedRun, basis: RecordedRun | None, target: float | None, length: int
-) -> Standing:
-    returns, chance = run.returns, np.nan
-    areas = area_under_curve(returns)
-    if basis is not None and basis is not run:
-        chance = differ_by_chance(areas, area_under_curve(basis.returns))
-    return Standing(
-        **vars(arrival_of(label, run, basis, np.nan if target is None else target)),
-        method=run.method, seeds=len(returns), iterations=length,
-        first=mean_ci(returns[:, 0]), area=mean_ci(areas), best=float(np.nanmax(returns.mean(0))),
-        final=iqm_ci(returns[:, -1]), chance=chance,
+    common = min(run.returns.shape[1] for run in runs.values())
+    whole = runs[reference] if reference else None
+    part = whole.until(common) if whole is not None else None
+    given = tuple(sorted(set(targets)))
+    target = given[-1] if given else None
+    wanted: dict[float, float | None] = dict.fromkeys(given)
+    if part is not None and not given:
+        target = float(np.nanmax(part.returns.mean(0)))
+        wanted = {level: share for share, level in usual_targets(part.returns).items()}
+    steps = _common_steps(list(runs.values()))
+    basis = Basis(common, steps, whole, np.nan if target is None else target, wanted)
+    return Comparison(
+        task=next(iter(runs.values())).task.name, target=target, given=given, reference=reference,
+        iterations=common, steps=steps,
+        standings=tuple(standing_of(label, run, basis) for label, run in runs.items()),
+        no_difference=None if part is None else _no_difference(part, given),
     )  # fmt: skip
 
 
-def arrival_of(label: str, run: RecordedRun, basis: RecordedRun | None, target: float) -> Arrival:
-    """Return when a run reached a target, beside the reference if there is another one."""
-    reached = iteration_of_mean(run.returns, target)
-    seconds = _at(run, "seconds", reached)
-    reduced: Estimate = (np.nan, np.nan, np.nan)
-    seconds_reduced = np.nan
-    if basis is not None and basis is not run:
-        reduced = reduction_ci(run.returns, basis.returns, target)
-        needed = _at(basis, "seconds", iteration_of_mean(basis.returns, target))
-        seconds_reduced = 1 - seconds / needed
-    return Arrival(
-        label=label, reached=reached, reached_each=tuple(iterations_to(run.returns, target)),
-        reduced=reduced, env_steps=_at(run, "env_steps", reached), seconds=seconds,
-        seconds_reduced=seconds_reduced,
-    )  # fmt: skip
+def _common_steps(runs: Sequence[RecordedRun]) -> tuple[float, float]:
+    """Return the environment steps that all seeds of all runs have."""
+    steps = [run.rows["env_steps"] for run in runs]
+    first = max(float(each[:, 0].max()) for each in steps)
+    return first, min(float(each[:, -1].min()) for each in steps)
 
 
-def _at(run: RecordedRun, name: str, k: float) -> float:
-    """Return a column's mean over seeds at iteration k, nan if k is."""
-    return float("nan") if np.isnan(k) else float(run.rows[name][:, int(k) - 1].mean())
-
-
-COLUMNS = (
-    "run", "method", "seeds", "iterations", "k", "reduced", "reduced_low", "reduced_high",
-    "env_steps", "seconds", "seconds_reduced", "first", "first_low", "first_high", "area",
-    "area_low", "area_high", "best", "final_iqm", "final_low", "final_high", "p", "k_each",
-)  # fmt: skip
-"""Of comparison.csv."""
-
-
-def as_row(standing: Standing) -> dict[str, object]:
-    """Return a run's numbers by the names in `COLUMNS`; None where there is none."""
-    values: Sequence[object] = (
-        standing.label, standing.method, standing.seeds, standing.iterations, standing.reached,
-        *standing.reduced, standing.env_steps, standing.seconds, standing.seconds_reduced,
-        *standing.first, *standing.area, standing.best, *standing.final, standing.chance,
-        [_plain(k) for k in standing.reached_each],
-    )  # fmt: skip
-    return {name: _plain(value) for name, value in zip(COLUMNS, values, strict=True)}
-
-
-def _plain(value: object) -> object:
-    """Return a float as JSON knows it: None for nan, a whole number without a point."""
-    if not isinstance(value, float | np.floating):
-        return value
-    number = float(value)
-    if np.isnan(number):
+def _no_difference(reference: RecordedRun, given: Sequence[float]) -> NoDifference | None:
+    """Return what the paper's measure says of groups of the reference's own seeds."""
+    n = len(reference.returns)
+    if n < LEAST_SEEDS:
         return None
-    return int(number) if number.is_integer() else number
+    groups = no_difference.drawn(n, n)
+    reduced = no_difference.reductions(reference.returns, groups, given[-1] if given else None)
+    known = reduced[~np.isnan(reduced)]
+    never = 1 - len(known) / len(reduced)
+    if not len(known):
+        return NoDifference(n, never, (np.nan,) * 3)
+    low, high = np.percentile(known, [2.5, 97.5])
+    return NoDifference(n, never, (float(known.mean()), float(low), float(high)))

@@ -1,14 +1,22 @@
 """A comparison's numbers in words, for a terminal and for a page."""
 
 from collections.abc import Mapping, Sequence
-from math import isnan
+from math import isinf, isnan
 from typing import TYPE_CHECKING
 
+from repaint_cli.report.coverage import coverage_of
+
 if TYPE_CHECKING:
-    from repaint_cli.runs.comparison import Comparison, Estimate, Standing
+    from repaint_cli.report.pairs import Difference
+    from repaint_cli.report.statistics import Estimate
+    from repaint_cli.runs.comparison import Comparison
+    from repaint_cli.runs.standings import Against, SeedArrivals
 
 FEW = 3
 """Seeds whose numbers are written one by one."""
+
+LEVEL = 0.05
+"""p at which a difference counts as shown."""
 
 
 def verdicts(comparison: "Comparison", names: Mapping[str, str] | None = None) -> list[str]:
@@ -18,23 +26,94 @@ def verdicts(comparison: "Comparison", names: Mapping[str, str] | None = None) -
         comparison: of runs.
         names: what to call runs, by their labels; those where absent.
     """
-    basis = next((row for row in comparison.standings if row.label == comparison.reference), None)
     called = names or {row.label: row.label for row in comparison.standings}
-    others = [row for row in comparison.standings if basis and row is not basis]
-    return [_verdict(row, basis, called) for row in others if basis]
+    other = called.get(str(comparison.reference), "")
+    return [
+        f"{called[row.label]} {_verdict(row.against, other)}"
+        for row in comparison.standings
+        if row.against
+    ]
 
 
-def _verdict(row: "Standing", basis: "Standing", called: Mapping[str, str]) -> str:
-    ahead = row.area[0] - basis.area[0]
-    name, other = called[row.label], called[basis.label]
-    if ahead == 0:
-        return f"{name} earned exactly what {other} did"
-    word = "above" if ahead > 0 else "below"
-    sure = "" if isnan(row.chance) else f", p = {row.chance:.2g}"
+def _verdict(against: "Against", other: str) -> str:
+    area = against.area
+    gap, low, high = area.mean
+    if isnan(gap):
+        return f"and {other} have no areas to compare"
+    if gap == low == high == 0:
+        return f"earned exactly what {other} did"
+    size, ahead = f"{abs(gap):.3g}", gap > 0
+    if isnan(low):
+        return f"earned {size} {'more' if ahead else 'less'} than {other}; one seed shows no spread"
+    if low > 0 or high < 0:
+        certain = "is" if area.p <= LEVEL else "is probably"
+        place = "ahead of" if ahead else "behind"
+        more = "higher" if ahead else "lower"
+        return f"{certain} {place} {other}: its mean return is {size} {more}"
+    return f"cannot be told apart from {other}{_needed(area.seeds_needed)}"
+
+
+def _needed(seeds: float) -> str:
+    if isnan(seeds):
+        return ""
+    number = "endless" if isinf(seeds) else f"about {seeds:,.0f}"
+    return f"; {number} seeds would show such a difference"
+
+
+def seeds_can_show(comparison: "Comparison", names: Mapping[str, str] | None = None) -> list[str]:
+    """Say what the seeds of a comparison can show: of each kind of pair of runs, a sentence."""
+    basis, said = comparison.basis, list[str]()
+    called = names or {row.label: row.label for row in comparison.standings}
+    for row in comparison.standings:
+        if basis and row.against and not isnan(row.against.area.mean[1]):
+            area, both = row.against.area, f"{called[row.label]} and {called[basis.label]}"
+            if area.pairs == 0:
+                some = f"seeds of {both} that are not the same, in no pairs"
+            elif area.pairs == row.seeds == basis.seeds:
+                some = f"{area.pairs} seeds"
+            else:
+                most = max(row.seeds, basis.seeds)
+                some = f"{area.pairs} seeds that {both} share, of {most}"
+            said.append(f"{some}: {_can_show(area, min(row.seeds, basis.seeds))}")
+    return list(dict.fromkeys(said))
+
+
+def _can_show(area: "Difference", seeds: int) -> str:
+    coverage = coverage_of(area.pairs or seeds)
+    few = "" if area.smallest_p <= LEVEL else ", so it decides nothing alone"
     return (
-        f"{name} earned {abs(ahead):.3g} {word} {other} per iteration "
-        f"(mean return {row.area[0]:.4g} against {basis.area[0]:.4g}{sure})"
+        f"p cannot be below {area.smallest_p:.2g}{few}; 95 % intervals of differences hold the "
+        f"truth in {coverage.normal:.0f} % of cases, in {coverage.skewed:.0f} % where returns have "
+        "a long tail"
     )
+
+
+def paper_alike(comparison: "Comparison", names: Mapping[str, str] | None = None) -> str | None:
+    """Say what the paper's measure gives for two runs of the reference's method, or None."""
+    alike, label = comparison.no_difference, str(comparison.reference)
+    if alike is None or alike.never == 1:
+        return None
+    mean, low, high = alike.reduced
+    known = "" if isnan(mean) else f", else K {_earlier(low)} to {_earlier(high)}"
+    return (
+        f"two runs like {(names or {}).get(label, label)}, with {alike.seeds} seeds each, give "
+        f"“never” in {alike.never:.0%} of cases{known}"
+    )
+
+
+def _earlier(reduced: float) -> str:
+    """Write a reduction of K as it is said."""
+    return f"{reduced:.0%} earlier" if reduced >= 0 else f"{-reduced:.0%} later"
+
+
+def unreached(comparison: "Comparison") -> list[str]:
+    """Say of each target that no seed of any run reached."""
+    return [
+        f"no seed of any run reached {arrivals.target:.4g} within {comparison.iterations} "
+        "iterations"
+        for i, arrivals in enumerate(comparison.standings[0].targets)
+        if not any(row.targets[i].arrived for row in comparison.standings)
+    ]
 
 
 def short(number: float) -> str:
@@ -48,19 +127,41 @@ def interval(estimate: "Estimate") -> str:
     return short(mean) + ("" if isnan(low) else f" [{low:.3g}, {high:.3g}]")
 
 
-def reduction(estimate: "Estimate") -> str:
-    """Write a reduction, 1 − K / K of the reference, with its interval, if it has one.
+def reduction(number: float) -> str:
+    """Write a reduction, 1 − K / K of the reference.
 
     A later K is no percentage: ×3 is three times as late.
     """
-    mean, low, high = estimate
-    if isnan(mean):
+    if isnan(number):
         return "-"
-    return _reduced(mean) + ("" if isnan(low) else f" [{_reduced(low)}, {_reduced(high)}]")
-
-
-def _reduced(number: float) -> str:
     return f"{number:.0%}" if number > -0.005 else f"×{1 - number:.3g}"
+
+
+def chance(p: float) -> str:
+    """Write a p."""
+    return "-" if isnan(p) else f"{p:.2g}"
+
+
+def needed(seeds: float) -> str:
+    """Write how many seeds a difference would need."""
+    if isnan(seeds):
+        return "-"
+    return "endless" if isinf(seeds) else f"{seeds:,.0f}"
+
+
+def seeds_k(arrivals: "SeedArrivals") -> str:
+    """Write when seeds reached a target: their restricted mean, and how many did if not all."""
+    n = len(arrivals.reached_each)
+    if arrivals.arrived == 0:
+        return "never"
+    some = "" if arrivals.arrived == n else f" {arrivals.arrived}/{n}"
+    return f"{arrivals.k[0]:.3g}{some}"
+
+
+def target_name(arrivals: "SeedArrivals") -> str:
+    """Write a target, and which share of the reference's converged score it is."""
+    share = "" if arrivals.share is None else f"{arrivals.share:.0%}: "
+    return f"{share}{arrivals.target:.4g}"
 
 
 def each_seed(reached: Sequence[float]) -> str:

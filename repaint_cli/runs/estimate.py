@@ -17,6 +17,8 @@ MOST_ITERATIONS = 3
 """The first takes longer than others, and a transfer has iterations of two kinds in turn."""
 LONG_SECONDS = 20.0
 """After which no further iteration is begun."""
+QUICK_SECONDS = 1.0
+"""Iterations that take less than that are quick."""
 
 
 @dataclass(frozen=True)
@@ -31,9 +33,18 @@ class Estimate:
     @property
     def seconds(self) -> float:
         """What all iterations would take: the first, and the mean of the next for each other."""
+        return self.measured[0] + self.of_an_iteration * (self.n_iterations - 1)
+
+    @property
+    def of_an_iteration(self) -> float:
+        """What an iteration but for the first takes: the mean of the next ones, s."""
         first, *others = self.measured
-        rest = sum(others) / len(others) if others else first
-        return first + rest * (self.n_iterations - 1)
+        return sum(others) / len(others) if others else first
+
+    @property
+    def quick(self) -> bool:
+        """Whether an iteration takes less than a second."""
+        return self.of_an_iteration < QUICK_SECONDS
 
 
 def estimate(plan: Plan) -> Estimate:

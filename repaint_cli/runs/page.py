@@ -9,7 +9,12 @@ from repaint_cli.files.atomic import write_text
 from repaint_cli.report.html import render_page
 from repaint_cli.runs import page_tables
 from repaint_cli.runs.comparison import Comparison
-from repaint_cli.runs.comparison_words import verdicts
+from repaint_cli.runs.comparison_words import (
+    paper_alike,
+    seeds_can_show,
+    unreached,
+    verdicts,
+)
 from repaint_cli.runs.glossary import GLOSSARY, MEANING_OF
 from repaint_cli.runs.page_curves import curves_json, note_of
 from repaint_cli.runs.reader import RecordedRun
@@ -37,6 +42,8 @@ def write_page(
         StoreError: the page cannot be written.
     """
     scores_heads, scores = page_tables.scores(comparison)
+    gaps_heads, gaps = page_tables.differences(comparison)
+    ladder_heads, ladder, earlier = page_tables.ladder(comparison)
     alarms_heads, alarms = page_tables.alarms(runs)
     targets = page_tables.targets(runs, comparison)
     more = len(alarms) - MOST_ALARMS
@@ -46,6 +53,19 @@ def write_page(
         curves_note=note_of(runs),
         scores_heads=scores_heads,
         scores=scores,
+        reference=comparison.reference,
+        gaps_heads=gaps_heads,
+        gaps=gaps,
+        can_show=[*map(_sentence, seeds_can_show(comparison))],
+        ladder_heads=ladder_heads,
+        ladder=ladder if len(ladder_heads) > 1 else [],
+        earlier=earlier if len(ladder_heads) > 1 else [],
+        unreached=[*map(_sentence, unreached(comparison))],
+        iterations=comparison.iterations,
+        targets_picture=None,
+        profiles_picture=None,
+        alike=paper_alike(comparison) if gaps else None,
+        no_difference=None,
         targets=targets,
         alarms_heads=alarms_heads,
         alarms=alarms[:MOST_ALARMS],
@@ -56,3 +76,7 @@ def write_page(
     )
     write_text(page, render_page(common | own))
     return page
+
+
+def _sentence(words: str) -> str:
+    return f"{words[:1].upper()}{words[1:]}."

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from repaint_cli.report import style
-from repaint_cli.report.statistics import bootstrap_mean
+from repaint_cli.report.statistics import t_interval
 from repaint_cli.runs.reader import RecordedRun
 
 MOST_POINTS = 400
@@ -57,7 +57,7 @@ def note_of(runs: Mapping[str, RecordedRun]) -> str:
     seeds = [len(run.seeds) for run in runs.values()]
     parts = ["bold: the mean over seeds; thin: each seed" if max(seeds) > 1 else "one seed a line"]
     if max(seeds) >= LEAST_SEEDS:
-        parts.append("shaded: 95 % bootstrap interval of the mean")
+        parts.append("shaded: 95 % interval of the mean")
     if any(run.taught_until for run in runs.values()):
         parts.append("ring: the last iteration with a teacher")
     longest = max(run.returns.shape[1] for run in runs.values())
@@ -97,7 +97,7 @@ def _band(values: np.ndarray) -> dict[str, Any]:
     values = np.where(np.isfinite(values), values, np.nan)
     low, high = np.full((2, values.shape[1]), np.nan)
     if len(values) >= LEAST_SEEDS:
-        low, high = bootstrap_mean(values)
+        _, low, high = t_interval(values)
     lines = {"mean": values.mean(0), "low": low, "high": high}
     return {name: _list(line) for name, line in lines.items()} | {"seeds": [*map(_list, values)]}
 

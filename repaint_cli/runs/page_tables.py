@@ -7,9 +7,20 @@ import numpy as np
 from matplotlib.ticker import MaxNLocator
 
 from repaint_cli.runs.alarms import alarms_until
-from repaint_cli.runs.comparison import Arrival, Comparison, arrival_of
-from repaint_cli.runs.comparison_words import duration, interval, reduction, short, whole
+from repaint_cli.runs.comparison import Comparison
+from repaint_cli.runs.comparison_words import (
+    chance,
+    duration,
+    interval,
+    needed,
+    reduction,
+    seeds_k,
+    short,
+    target_name,
+    whole,
+)
 from repaint_cli.runs.reader import RecordedRun
+from repaint_cli.runs.standings import Against, Arrival, SeedArrivals, arrival_of
 
 LEVELS = 8
 """Targets to choose from beside the one that was asked for, at most."""
@@ -19,19 +30,56 @@ Rows = list[list[str]]
 
 def scores(comparison: Comparison) -> tuple[list[str], Rows]:
     """Return heads and rows of what each run earned."""
-    heads = ["run", "seeds", "jump-start", "area", "best", "final"]
+    heads = ["run", "seeds", "jump-start", "area", "area by steps", "best", "final"]
     rows = [
         [
-            row.label, str(row.seeds), interval(row.first), interval(row.area), short(row.best),
-            interval(row.final),
+            row.label, str(row.seeds), interval(row.first), interval(row.area),
+            interval(row.area_by_steps), short(row.best), interval(row.final),
         ]
         for row in comparison.standings
     ]  # fmt: skip
-    if _compares(comparison):
-        heads.append("p")
-        for cells, row in zip(rows, comparison.standings, strict=True):
-            cells.append("-" if np.isnan(row.chance) else f"{row.chance:.2g}")
     return heads, rows
+
+
+def differences(comparison: Comparison) -> tuple[list[str], Rows]:
+    """Return heads and rows of how far runs lie above the reference; no rows without one."""
+    heads = [
+        "run", "difference in area", "p", "P(X > Y)", "seeds needed", "pairs", "by steps", "first",
+        "final",
+    ]  # fmt: skip
+    named = [(row.label, row.against) for row in comparison.standings if row.against]
+    return heads, [[label, *_difference(against)] for label, against in named]
+
+
+def _difference(against: Against) -> list[str]:
+    area = against.area
+    return [
+        interval(area.mean), chance(area.p), interval(against.better), needed(area.seeds_needed),
+        str(area.pairs or "none"),
+        *(interval(gap.mean) for gap in (against.area_by_steps, against.first, against.final)),
+    ]  # fmt: skip
+
+
+def ladder(comparison: Comparison) -> tuple[list[str], Rows, Rows]:
+    """Return heads and rows of when seeds reached the targets, and of how much earlier."""
+    first, *_ = comparison.standings
+    heads = ["run", *map(target_name, first.targets)]
+    reached = [[row.label, *map(_seeds, row.targets)] for row in comparison.standings]
+    earlier = [
+        [row.label, *map(_earlier, row.targets)] for row in comparison.standings if row.against
+    ]
+    return heads, reached, earlier
+
+
+def _seeds(arrivals: SeedArrivals) -> str:
+    ends = "" if arrivals.arrived == 0 else interval(arrivals.k).partition(" ")[2]
+    return f"{seeds_k(arrivals)} {ends}".strip()
+
+
+def _earlier(arrivals: SeedArrivals) -> str:
+    if arrivals.earlier is None or np.isnan(arrivals.p):
+        return "-"
+    return f"{interval(arrivals.earlier.mean)}, p = {chance(arrivals.p)}"
 
 
 def targets(runs: Mapping[str, RecordedRun], comparison: Comparison) -> dict[str, Any]:
@@ -89,17 +137,19 @@ def _arrivals(
         rows: Sequence[Arrival] = comparison.standings
     else:
         basis = runs[comparison.reference] if comparison.reference else None
-        rows = [arrival_of(label, run, basis, level) for label, run in runs.items()]
+        rows = [
+            arrival_of(label, run, None if run is basis else basis, level)
+            for label, run in runs.items()
+        ]
     return [_arrival(row, _compares(comparison)) for row in rows]
 
 
 def _arrival(row: Arrival, compares: bool) -> list[str]:
     never = np.isnan(row.reached)
-    saved = reduction((row.seconds_reduced, np.nan, np.nan))
     return [
         row.label,
         "never" if never else f"{row.reached:.0f}",
-        *([reduction(row.reduced), saved] if compares else []),
+        *([reduction(row.reduced), reduction(row.seconds_reduced)] if compares else []),
         whole(row.env_steps),
         duration(row.seconds),
         ", ".join("never" if np.isnan(k) else f"{k:.0f}" for k in row.reached_each),

@@ -56,12 +56,12 @@ def scratch_command(record: RunRecord, task: TaskCard) -> str | None:
 
 
 def compare_command(
-    folders: Iterable[Path], reference: Path | None, target: float | None, report: Path
+    folders: Iterable[Path], reference: Path | None, targets: Sequence[float], report: Path
 ) -> str:
     """Return the command that compares runs' folders and writes a report."""
     words = ["repaint", "compare", *(quoted(str(folder)) for folder in folders)]
     words += [] if reference is None else ["--reference", quoted(str(reference))]
-    words += [] if target is None else [f"--target={float(target)!r}"]
+    words += [f"--target={','.join(repr(float(target)) for target in targets)}"] * bool(targets)
     return _typed([*words, "--report", quoted(str(report))])
 
 

@@ -42,7 +42,7 @@ def write_run_page(run: RecordedRun) -> Path:
         files_note="The folder has every number, too: metrics.csv, and run.json with all settings.",
     )
     runs = {run.label: run}
-    return write_page(run.files.page, own, runs, comparison_of(runs, None, None))
+    return write_page(run.files.page, own, runs, comparison_of(runs, None))
 
 
 def run_page_if_possible(run: RecordedRun) -> tuple[list[Path], list[str]]:

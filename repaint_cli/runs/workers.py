@@ -1,7 +1,7 @@
 """Runs that train side by side, each in a process of its own.
 
 The process is this module, with the number of an open pipe and its parent's: it receives a plan,
-trains, and sends what stopped it, if anything did. It ends with its parent.
+trains or measures it, and sends its answer, or what stopped it. It ends with its parent.
 """
 
 import os
@@ -9,7 +9,7 @@ import subprocess
 import sys
 import threading
 import traceback
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from multiprocessing import Pipe
 from multiprocessing.connection import Connection
@@ -19,6 +19,7 @@ from repaint_cli import interruption, process
 from repaint_cli.activity import doing, progress
 from repaint_cli.errors import RepaintError
 from repaint_cli.runs.carry_out import carry_out
+from repaint_cli.runs.estimate import Estimate, estimate
 from repaint_cli.runs.owner import new_run
 from repaint_cli.runs.plan import Plan
 
@@ -46,8 +47,29 @@ def train_side_by_side(plans: Sequence[Plan], jobs: int, threads: int) -> Iterat
             workers.stop()
 
 
+Answer = Estimate | Exception | None
+"""Of a process: what it measured, what stopped it, or that it is done."""
+
+
+def measure_aside(plan: Plan, threads: int) -> Estimate:
+    """Train a plan's first iterations in a process of its own, in a temporary folder.
+
+    Raises:
+        RepaintError: the run could not begin, fails in these iterations, or its process was killed.
+    """
+    workers = _Workers(threads)
+    with ThreadPoolExecutor(1) as pool:  # where waiting for the process does not hold up Ctrl-C
+        try:
+            measured = pool.submit(workers.ask, "measure", plan).result()
+        finally:
+            workers.stop()
+    if not isinstance(measured, Estimate):
+        raise RepaintError("the measurement was stopped")
+    return measured
+
+
 class _Workers:
-    """Processes that train a plan each."""
+    """Processes that do something with a plan each."""
 
     def __init__(self, threads: int) -> None:
         self._environment = os.environ | process.environment() | process.thread_limits(threads)
@@ -60,6 +82,15 @@ class _Workers:
 
         Raises:
             RepaintError: what stopped the run, or its process was killed.
+        """
+        self.ask("train", plan)
+        return plan.folder if plan.files.is_run() else None
+
+    def ask(self, what: str, plan: Plan) -> Answer:
+        """Do one of the `JOBS` in a new process; return its answer, None if it was not begun.
+
+        Raises:
+            RepaintError: what stopped it, or the process was killed.
         """
         pipe, its_pipe = Pipe()
         with pipe:
@@ -74,12 +105,12 @@ class _Workers:
                 )  # fmt: skip
                 self._children.append(child)
             with child:
-                problem = _ask(pipe, plan)
-        if problem is _DIED:
+                answer = _ask(pipe, what, plan)
+        if answer is _DIED:
             raise RepaintError(_ended(plan, child.returncode))
-        if problem:
-            raise problem
-        return plan.folder
+        if isinstance(answer, Exception):
+            raise answer
+        return answer
 
     def stop(self) -> None:
         """End all processes, and start no more."""
@@ -95,10 +126,10 @@ class _Workers:
                 child.kill()
 
 
-def _ask(pipe: "Connection[Plan, Exception | None]", plan: Plan) -> Exception | None:
-    """Send a process its plan; return what stopped it, `_DIED` if it ended without an answer."""
+def _ask(pipe: "Connection[tuple[str, Plan], Answer]", what: str, plan: Plan) -> Answer:
+    """Send a process its plan; return its answer, `_DIED` if it ended without one."""
     try:
-        pipe.send(plan)
+        pipe.send((what, plan))
         return pipe.recv()
     except (EOFError, ConnectionError):
         return _DIED
@@ -120,21 +151,28 @@ def _ended(plan: Plan, code: int) -> str:
     )
 
 
+def _train(plan: Plan) -> None:
+    carry_out(new_run(plan), finish_interrupted=False)
+
+
+JOBS: dict[str, Callable[[Plan], Estimate | None]] = {"train": _train, "measure": estimate}
+"""What a process does with a plan."""
+
+
 def main(number: str, parent: str) -> None:
-    """Train one plan for the parent process."""
+    """Do what the parent process asks for."""
     interruption.end_with(int(parent))
-    pipe: Connection[Exception | None, Plan] = Connection(int(number))
-    plan = pipe.recv()
-    problem: Exception | None = None
+    pipe: Connection[Answer, tuple[str, Plan]] = Connection(int(number))
+    what, plan = pipe.recv()
     try:
-        carry_out(new_run(plan), finish_interrupted=False)
+        answer: Answer = JOBS[what](plan)
     except KeyboardInterrupt:  # which the parent gets, too
         sys.exit(130)
     except Exception as error:
         ours = isinstance(error, RepaintError)  # others may not survive the way
-        problem = error if ours else RuntimeError(f"{type(error).__name__}: {error}")
-        problem.add_note(traceback.format_exc())  # for --debug
-    pipe.send(problem)
+        answer = error if ours else RuntimeError(f"{type(error).__name__}: {error}")
+        answer.add_note(traceback.format_exc())  # for --debug
+    pipe.send(answer)
 
 
 if __name__ == "__main__":

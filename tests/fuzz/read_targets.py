@@ -20,7 +20,8 @@ from repaint_cli.policies import weights
 from repaint_cli.policies.networks import ActorCritic
 from repaint_cli.policies.spaces import Spaces
 from repaint_cli.runs import checkpoint
-from repaint_cli.runs.comparison import as_row, comparison_of
+from repaint_cli.runs.comparison import comparison_of
+from repaint_cli.runs.comparison_rows import as_row
 from repaint_cli.runs.owner import new_run
 from repaint_cli.runs.plan import Plan
 from repaint_cli.runs.reader import read_run
@@ -106,7 +107,7 @@ def run_targets(folder):
         run = read_run(folder)
         assert run.taught_until >= 0
         if run.returns.size and (run.progress is None or run.progress.size):
-            found = comparison_of({run.label: run}, run.label, None)
+            found = comparison_of({run.label: run}, run.label)
             assert json.dumps([as_row(row) for row in found.standings])
 
     path = folder / "checkpoint.safetensors"
