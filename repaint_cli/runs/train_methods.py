@@ -5,15 +5,12 @@ from dataclasses import replace
 from pathlib import Path
 
 from repaint_cli.errors import UsageError
-from repaint_cli.runs.carry_out import carry_out
 from repaint_cli.runs.new_folder import make_new
-from repaint_cli.runs.owner import new_run
 from repaint_cli.runs.plan import Plan
 from repaint_cli.runs.start import checked_seeds, find_teachers, new_folder
-from repaint_cli.runs.workers import train_side_by_side
+from repaint_cli.runs.workers import train_all
 from repaint_cli.tasks.card import TaskCard
 from repaint_cli.tasks.methods import METHODS, method_for
-from repaint_cli.threads import cores
 
 
 def train_methods(
@@ -83,10 +80,4 @@ def _carried_out(plans: Sequence[Plan], jobs: int) -> Iterator[Path]:
         RepaintError: what stopped a run.
     """
     root = make_new(plans[0].folder.parent)
-    plans = [replace(plan, folder=root / plan.method) for plan in plans]
-    if jobs > 1:
-        yield from train_side_by_side(plans, jobs, threads=max(1, cores() // jobs))
-        return
-    for plan in plans:
-        carry_out(new_run(plan), finish_interrupted=False)
-        yield plan.folder
+    yield from train_all([replace(plan, folder=root / plan.method) for plan in plans], jobs)

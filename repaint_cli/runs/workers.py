@@ -19,11 +19,29 @@ from repaint_cli import interruption, process
 from repaint_cli.activity import doing, progress
 from repaint_cli.errors import RepaintError
 from repaint_cli.runs.carry_out import carry_out
-from repaint_cli.runs.owner import new_run
+from repaint_cli.runs.owner import begun_run
 from repaint_cli.runs.plan import Plan
+from repaint_cli.threads import cores
 
 GRACE_SECONDS = 5.0
 """For a process to end when asked; then it is killed, which loses no finished iteration."""
+
+
+def train_all(plans: Sequence[Plan], jobs: int) -> Iterator[Path]:
+    """Carry out plans, as many at a time as there are jobs; yield folders as they finish.
+
+    A plan whose folder holds a run goes on with it. Several jobs are processes, which share the
+    cores evenly; a single one is this process.
+
+    Raises:
+        RepaintError: what stopped a run.
+    """
+    if jobs > 1:
+        yield from train_side_by_side(plans, jobs, threads=max(1, cores() // jobs))
+        return
+    for plan in plans:
+        carry_out(begun_run(plan), finish_interrupted=False)
+        yield plan.folder
 
 
 def train_side_by_side(plans: Sequence[Plan], jobs: int, threads: int) -> Iterator[Path]:
@@ -127,7 +145,7 @@ def main(number: str, parent: str) -> None:
     plan = pipe.recv()
     problem: Exception | None = None
     try:
-        carry_out(new_run(plan), finish_interrupted=False)
+        carry_out(begun_run(plan), finish_interrupted=False)
     except KeyboardInterrupt:  # which the parent gets, too
         sys.exit(130)
     except Exception as error:

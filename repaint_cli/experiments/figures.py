@@ -1,0 +1,96 @@
+"""The figures of an experiment: a panel a task, by iterations and by environment steps."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from repaint_cli.activity import doing
+from repaint_cli.experiments.folder import ExperimentFolder
+from repaint_cli.experiments.measures import interval_of_mean, smoothed, target_of
+from repaint_cli.experiments.planning import PlannedExperiment
+from repaint_cli.experiments.results import MeasuredPanel
+from repaint_cli.experiments.schema import Experiment
+from repaint_cli.report.panels import CurvePanel, Line, plot_panels
+from repaint_cli.report.statistics import Floats
+from repaint_cli.runs.compare import EPISODES, compare_paths
+from repaint_cli.runs.reader import RecordedRun
+
+SUFFIXES = (".png", ".svg")
+ALONG = {"iterations": "iteration", "steps": "environment steps of a seed"}
+"""What curves are drawn along, and what that axis is called."""
+YLABELS = {"return": "mean evaluation return", "progress": "lap progress [%]"}
+SMOKE_EPISODES = 2
+"""Paths of each policy at the scale smoke."""
+
+
+def draw(
+    planned: PlannedExperiment, panels: Sequence[MeasuredPanel], folder: ExperimentFolder
+) -> list[Path]:
+    """Draw an experiment's figures; return their files.
+
+    Raises:
+        StoreError: a file cannot be written.
+    """
+    experiment = planned.experiment
+    with doing(f"drawing {experiment.name}"):
+        if experiment.figure == "trajectories":
+            return [draw_paths(planned, folder)]
+        if experiment.figure == "none":
+            return []
+        return draw_curves(experiment, panels, folder, _seeds(panels), planned.scale)
+
+
+def draw_curves(
+    experiment: Experiment, panels: Sequence[MeasuredPanel], folder: ExperimentFolder,
+    seeds: str, scale: str,
+) -> list[Path]:  # fmt: skip
+    """Draw learning curves, as PNG and SVG, along iterations and along steps."""
+    written = []
+    over = experiment.smoothing
+    title = f"{experiment.summary.rstrip('.')} ({experiment.item})"
+    title += f"; smoothed over {over} iterations" if over > 1 else ""
+    title += "; smoke: no result" if scale == "smoke" else ""
+    note = f"bold: mean of {seeds}; thin: each seed; shaded: 95 % interval of the mean"
+    for along in ALONG:
+        rows = [
+            [_panel(own, measure, along, over) for own in panels] for measure in experiment.show
+        ]
+        for suffix in SUFFIXES:
+            written.append(folder.figure(along, suffix))
+            plot_panels(rows, written[-1], title=title, note=note)
+    return written
+
+
+def _seeds(panels: Sequence[MeasuredPanel]) -> str:
+    counts = sorted({len(run.seeds) for own in panels for run in own.runs.values()})
+    return f"{'-'.join(map(str, counts))} seed{'s' * (counts != [1])}"
+
+
+def _panel(own: MeasuredPanel, measure: str, along: str, over: int) -> CurvePanel:
+    lines = tuple(
+        _line(variant, run, values, along, over)
+        for variant, run in own.runs.items()
+        if (values := run.returns if measure == "return" else run.progress) is not None
+    )
+    target = target_of(own) if measure == "return" else None
+    return CurvePanel(
+        own.panel.title, lines, ALONG[along], YLABELS[measure], target, measure == "progress"
+    )
+
+
+def _line(variant: str, run: RecordedRun, values: Floats, along: str, over: int) -> Line:
+    y = smoothed(values, over)
+    x = run.rows["env_steps"]
+    if along == "iterations":
+        x = np.broadcast_to(np.arange(1.0, y.shape[1] + 1), y.shape)
+    return Line(variant, x, y, interval_of_mean(y))
+
+
+def draw_paths(planned: PlannedExperiment, folder: ExperimentFolder) -> Path:
+    """Let the last policies play, and draw the first seeds' paths."""
+    runs = [run for own in planned.panels for run in own.runs.values()]
+    path = folder.figure("trajectories", ".png")
+    episodes = SMOKE_EPISODES if planned.scale == "smoke" else EPISODES
+    compare_paths([run.folder for run in runs], path, replace=True, episodes=episodes)
+    return path
