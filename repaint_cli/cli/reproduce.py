@@ -40,7 +40,7 @@ reproduce = typer.Typer(
 def list_experiments() -> None:
     """List the experiments, and how much is trained at each scale.
 
-    That is seeds × iterations, of each variant in each panel.
+    That is seeds × iterations of each variant in each panel, as in the paper's item.
 
     Examples:
         repaint reproduce list
@@ -53,16 +53,16 @@ def list_experiments() -> None:
         (one.name, one.item, *(_size(one, scale) for scale in ("night", "paper")), one.summary)
         for one in list_experiments()
     ]
-    print(columns(("experiment", "paper", "night", "paper", "what it shows"), rows, fit=True))
+    print(columns(("experiment", "item", "night", "paper", "what it shows"), rows, fit=True))
 
 
 def _size(experiment: "Experiment", scale: str) -> str:
     if experiment.gathers:
-        return "others'"
+        return "others"
     if scale not in experiment.scale_names:
         return "-"
     own = experiment.scale(scale)
-    return f"{own.seeds} × {own.iterations:,}"
+    return f"{own.seeds}×{own.iterations}"
 
 
 @reproduce.command(cls=HelpPage)

@@ -1,6 +1,6 @@
 """What `repaint reproduce run` does and shows."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from itertools import groupby
 
 from rich.console import Console
@@ -13,7 +13,7 @@ from repaint_cli.cli.reproduce_options import ReproduceOptions
 from repaint_cli.experiments.files import ALL, list_experiments, read_experiment
 from repaint_cli.experiments.reproduce import Follower, Outlook, Reproduced, reproduce
 from repaint_cli.experiments.schema import Experiment
-from repaint_cli.experiments.tables import HEADS, MEANING, cells
+from repaint_cli.experiments.tables import HEADS, MEANING, cells, summary
 from repaint_cli.experiments.training import Trained
 from repaint_cli.files.commands import command
 from repaint_cli.runs.comparison_words import duration
@@ -74,22 +74,31 @@ class _Printer(Follower):
         out.print(
             f"[bold]{experiment.name}[/bold] ({literal(experiment.item)}), {scale}{no_result}"
         )
-        for panel, rows in groupby(reproduced.rows, key=lambda row: row.panel):
-            own = list(rows)
-            goal = "" if own[0].target is None else f", target {own[0].target:.4g}"
-            out.print(literal(f"{panel}{goal}"))
-            table = Table(
-                *(HEADS[i] for i in NARROW), box=None, pad_edge=False, padding=(0, 2, 0, 0)
-            )
-            for row in own:
-                texts = cells(row)
-                table.add_row(*(literal(texts[i].replace(", ", ",")) for i in NARROW))
-            out.print(table, soft_wrap=False)
+        if experiment.table == "rows":
+            self._rows(reproduced)
+        else:
+            heads, lines = summary(reproduced.rows, time=experiment.table == "time")
+            _print(heads, lines)
         for warning in reproduced.warnings:
             out.print(f"[yellow]warning:[/yellow] {literal(warning)}", soft_wrap=False)
         out.print(literal(MEANING), soft_wrap=False)
         name = experiment.name
         print_written(reproduced.written, command("repaint reproduce copy {} my.toml", name))
+
+    def _rows(self, reproduced: Reproduced) -> None:
+        """Print a table for each panel."""
+        for panel, rows in groupby(reproduced.rows, key=lambda row: row.panel):
+            own = list(rows)
+            goal = "" if own[0].target is None else f", target {own[0].target:.4g}"
+            out.print(literal(f"{panel}{goal}"))
+            _print([HEADS[i] for i in NARROW], [[cells(row)[i] for i in NARROW] for row in own])
+
+
+def _print(heads: Sequence[str], lines: Iterable[Sequence[str]]) -> None:
+    table = Table(*heads, box=None, pad_edge=False, padding=(0, 2, 0, 0))
+    for line in lines:
+        table.add_row(*(literal(text.replace(", ", ",")) for text in line))
+    out.print(table, soft_wrap=False)
 
 
 def _line(outlook: Outlook) -> str:

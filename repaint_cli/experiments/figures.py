@@ -1,6 +1,7 @@
 """The figures of an experiment: a panel a task, by iterations and by environment steps."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,9 +13,7 @@ from repaint_cli.experiments.planning import PlannedExperiment
 from repaint_cli.experiments.results import MeasuredPanel
 from repaint_cli.experiments.schema import Experiment
 from repaint_cli.report.panels import CurvePanel, Line, plot_panels
-from repaint_cli.report.statistics import Floats
 from repaint_cli.runs.compare import EPISODES, compare_paths
-from repaint_cli.runs.reader import RecordedRun
 
 SUFFIXES = (".png", ".svg")
 ALONG = {"iterations": "iteration", "steps": "environment steps of a seed"}
@@ -46,19 +45,18 @@ def draw_curves(
     seeds: str, scale: str,
 ) -> list[Path]:  # fmt: skip
     """Draw learning curves, as PNG and SVG, along iterations and along steps."""
-    written = []
     over = experiment.smoothing
     title = f"{experiment.summary.rstrip('.')} ({experiment.item})"
     title += f"; smoothed over {over} iterations" if over > 1 else ""
     title += "; smoke: no result" if scale == "smoke" else ""
     note = f"bold: mean of {seeds}; thin: each seed; shaded: 95 % interval of the mean"
+    rows = [[_panel(own, measure, over) for own in panels] for measure in experiment.show]
+    written = []
     for along in ALONG:
-        rows = [
-            [_panel(own, measure, along, over) for own in panels] for measure in experiment.show
-        ]
-        for suffix in SUFFIXES:
-            written.append(folder.figure(along, suffix))
-            plot_panels(rows, written[-1], title=title, note=note)
+        paths = [folder.figure(along, suffix) for suffix in SUFFIXES]
+        shown = [[_along(panel, along) for panel in row] for row in rows]
+        plot_panels(shown, paths, title=title, note=note)
+        written += paths
     return written
 
 
@@ -67,24 +65,28 @@ def _seeds(panels: Sequence[MeasuredPanel]) -> str:
     return f"{'-'.join(map(str, counts))} seed{'s' * (counts != [1])}"
 
 
-def _panel(own: MeasuredPanel, measure: str, along: str, over: int) -> CurvePanel:
-    lines = tuple(
-        _line(variant, run, values, along, over)
-        for variant, run in own.runs.items()
-        if (values := run.returns if measure == "return" else run.progress) is not None
-    )
+def _panel(own: MeasuredPanel, measure: str, over: int) -> CurvePanel:
+    """Return a panel of curves along environment steps."""
+    lines = []
+    for variant, run in own.runs.items():
+        values = run.returns if measure == "return" else run.progress
+        if values is not None:
+            y = smoothed(values, over)
+            lines.append(Line(variant, run.rows["env_steps"], y, interval_of_mean(y)))
     target = target_of(own) if measure == "return" else None
-    return CurvePanel(
-        own.panel.title, lines, ALONG[along], YLABELS[measure], target, measure == "progress"
+    name, percent = own.panel.title, measure == "progress"
+    return CurvePanel(name, tuple(lines), ALONG["steps"], YLABELS[measure], target, percent)
+
+
+def _along(panel: CurvePanel, along: str) -> CurvePanel:
+    """Return a panel along iterations or steps."""
+    if along == "steps":
+        return panel
+    lines = tuple(
+        replace(line, x=np.broadcast_to(np.arange(1.0, line.y.shape[1] + 1), line.y.shape))
+        for line in panel.lines
     )
-
-
-def _line(variant: str, run: RecordedRun, values: Floats, along: str, over: int) -> Line:
-    y = smoothed(values, over)
-    x = run.rows["env_steps"]
-    if along == "iterations":
-        x = np.broadcast_to(np.arange(1.0, y.shape[1] + 1), y.shape)
-    return Line(variant, x, y, interval_of_mean(y))
+    return replace(panel, lines=lines, xlabel=ALONG[along])
 
 
 def draw_paths(planned: PlannedExperiment, folder: ExperimentFolder) -> Path:

@@ -127,5 +127,5 @@ def _page(planned: PlannedExperiment, rows: Sequence[MeasuredRow]) -> str:
         *([f"The paper: {experiment.claim}"] * bool(experiment.claim)),
         "",
     ]
-    lines += [*markdown(rows), "", MEANING, *nobody_reached(rows)]
+    lines += [*markdown(rows, experiment.table), "", f"{MEANING}.", *nobody_reached(rows)]
     return "\n".join(lines) + "\n"

@@ -169,6 +169,9 @@ class Experiment(Settings):
     """What is drawn: learning curves, or the paths of the last policies."""
     show: tuple[Literal["return", "progress"], ...] = ("return",)
     """The figure's rows."""
+    table: Literal["rows", "iterations", "time"] = "rows"
+    """What is tabled: a row a variant; or, as in tables 1 and 6, a row a panel with K or the time
+    to the target of each variant."""
     smoothing: PositiveInt = 1
     """Iterations over which the drawn curves are averaged; numbers in tables never are."""
     scales: dict[Literal["night", "paper"], Scale] = Field(default_factory=dict)

@@ -1,31 +1,67 @@
 """Tables of an experiment: our numbers with intervals, and the paper's in brackets behind them."""
 
-from collections.abc import Iterable, Iterator
-from math import isnan
+from collections.abc import Iterable, Iterator, Sequence
+from math import isnan, nan
 
 from repaint_cli.experiments.measures import MeasuredRow
 from repaint_cli.experiments.schema import NEVER
 from repaint_cli.runs.comparison_words import duration, interval, reduction, short, whole
 
-HEADS = (
+HEADS: Sequence[str] = (
     "panel", "variant", "seeds", "K (paper)", "reduced (paper)", "best (paper)", "area [95 %]",
     "steps at K", "time at K (paper)",
 )  # fmt: skip
 
 MEANING = (
     "K: the first iteration at which the mean over seeds is at the target; reduced: 1 - K / K from "
-    "scratch, x2 is twice as late; area: mean return over all iterations; steps: a seed's until "
+    "scratch, ×2 is twice as late; area: mean return over all iterations; steps: a seed's until "
     "K, teachers' counted; in round brackets the paper's number, in square brackets the 95 % "
-    "interval over seeds."
+    "interval over seeds"
 )
 
 
-def markdown(rows: Iterable[MeasuredRow]) -> Iterator[str]:
-    """Yield the lines of a table."""
-    yield f"| {' | '.join(HEADS)} |"
-    yield "|---|---|" + "---:|" * (len(HEADS) - 2)
+def markdown(rows: Sequence[MeasuredRow], kind: str = "rows") -> Iterator[str]:
+    """Yield the lines of a table; `kind` is as in `Experiment.table`."""
+    heads, body = HEADS, [cells(row) for row in rows]
+    if kind != "rows":
+        heads, body = summary(rows, time=kind == "time")
+    yield f"| {' | '.join(heads)} |"
+    yield "|---|---|" + "---:|" * (len(heads) - 2)
+    for line in body:
+        yield f"| {' | '.join(line)} |"
+
+
+def summary(rows: Iterable[MeasuredRow], *, time: bool) -> tuple[Sequence[str], list[list[str]]]:
+    """Return heads and lines, a line a panel: its target, and K or the time of each variant."""
+    panels: dict[tuple[str, str], dict[str, MeasuredRow]] = {}
     for row in rows:
-        yield f"| {' | '.join(cells(row))} |"
+        panels.setdefault((row.experiment, row.panel), {})[row.variant] = row
+    variants = list(dict.fromkeys(name for own in panels.values() for name in own))
+    lines = []
+    for (experiment, title), own in panels.items():
+        first = next(iter(own.values()))
+        target = "-" if first.target is None else f"{first.target:.4g}"
+        target += f" ({first.paper.target:g})" if first.paper else ""
+        found = [_arrival(own[name], time) if name in own else "" for name in variants]
+        lines.append([f"{experiment}: {title}", target, *found])
+    what = "time" if time else "K"
+    return ("panel", "target (paper)", *(f"{what} {name} (paper)" for name in variants)), lines
+
+
+def _arrival(row: MeasuredRow, time: bool) -> str:
+    """Write when a variant was at the target, and how much sooner than scratch."""
+    ours, paper = row.ours, row.paper
+    if isnan(ours.reached):
+        text = "never"
+    else:
+        text = duration(ours.seconds) if time else f"{ours.reached:.0f}"
+        saved = ours.seconds_reduced if time else ours.reduced[0]
+        text += f", {reduction((saved, nan, nan))}" if row.compared and not isnan(saved) else ""
+    if paper is None:
+        return text
+    text += _behind((paper.hours if time else paper.k).get(row.variant), " h" if time else "")
+    share = paper.reduced(row.variant, hours=time)
+    return text if share is None else f"{text[:-1]}, {share:.0%})"
 
 
 def cells(row: MeasuredRow) -> list[str]:

@@ -52,17 +52,19 @@ class CurvePanel:
     """Whether the curves are per cent, from 0 to 100."""
 
 
-def plot_panels(rows: Sequence[Sequence[CurvePanel]], path: Path, *, title: str, note: str) -> None:
+def plot_panels(
+    rows: Sequence[Sequence[CurvePanel]], paths: Sequence[Path], *, title: str, note: str
+) -> None:
     """Draw a grid of panels; its first row is titled, its last has the x axis named.
 
     Args:
         rows: of panels, all of one length.
-        path: of the PNG or SVG.
+        paths: of the same figure as PNG and SVG.
         title: over the figure.
         note: under it: what lines and shades are.
 
     Raises:
-        StoreError: the file cannot be written.
+        StoreError: a file cannot be written.
     """
     n_rows, n_columns = len(rows), len(rows[0])
     labels = list(
@@ -89,7 +91,8 @@ def plot_panels(rows: Sequence[Sequence[CurvePanel]], path: Path, *, title: str,
         handles=handles, loc="outside lower center", ncols=columns, frameon=False,
         fontsize=style.TEXT_SIZE, title=note, title_fontsize=style.NOTE_SIZE,
     )  # fmt: skip
-    style.save(figure, path)
+    for path in paths:
+        style.save(figure, path)
 
 
 def _panel(axes: Axes, panel: CurvePanel, colours: dict[str, str]) -> None:
