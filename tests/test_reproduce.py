@@ -1,7 +1,14 @@
 """`repaint reproduce`, typed: what it trains, writes and says, and how it goes on."""
 
 import json
+import os
 import re
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from small_experiment import small
@@ -9,6 +16,7 @@ from small_runs import add_teacher, files_below
 from test_files import full_disk
 
 from repaint_cli.errors import CheckpointError, NotFound, StoreError
+from repaint_cli.files.paths import PACKAGE
 
 SMOKE = ["--scale", "smoke"]
 
@@ -108,3 +116,31 @@ WRONG = [
 def test_what_is_wrong_is_said_and_nothing_is_written(repaint, home, words, code, text):
     is_a_line(repaint("reproduce", *words), code, text)
     assert not files_below(home)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not Path("/proc/self/task").is_dir(), reason="needs /proc to find the process")
+def test_a_worker_that_is_killed_is_named_and_the_command_goes_on(repaint, mine):
+    more = '[scales.night]\nseeds = 1\niterations = 300\nseconds = 0.1\nsettings = ["{}"]'
+    quick = '", "'.join(["ppo.n_steps=204", "ppo.n_envs=4", "ppo.n_epochs=1", "eval.episodes=2"])
+    (mine / "mine.toml").write_text(small(more=more.format(quick)))
+    env = os.environ | {"PYTHONPATH": str(PACKAGE.parent), "OMP_NUM_THREADS": "1"}
+    words = [sys.executable, "-m", "repaint_cli", "reproduce", "mine.toml", "--jobs", "2"]
+    with subprocess.Popen(words, env=env, text=True, stdout=-1, stderr=-1) as parent:
+        os.kill(worker_of(parent.pid), signal.SIGKILL)
+        _, err = parent.communicate(timeout=60)
+    said = SimpleNamespace(code=parent.returncode, err=err)
+    is_a_line(said, 1, "was killed (signal 9)", "go on with: repaint reproduce mine --scale night")
+    done = subprocess.run(words, env=env, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
+    assert "kickstart" in done.stdout
+
+
+def worker_of(parent):
+    """The process id of the first process that trains for another, once its run has begun."""
+    for _ in range(600):
+        children = Path(f"/proc/{parent}/task/{parent}/children").read_text().split()
+        if children and list(Path("reproduce").glob("runs/*/checkpoint*")):
+            return int(children[0])
+        time.sleep(0.1)
+    raise AssertionError("nothing was begun")

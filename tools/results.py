@@ -8,6 +8,7 @@ What is of the scale smoke is no result and is not collected.
 
 import shutil
 import sys
+import textwrap
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -18,20 +19,22 @@ from repaint_cli.experiments.folder import ExperimentFolder, ExperimentRecord
 from repaint_cli.experiments.measures import MeasuredRow, rows_of
 from repaint_cli.experiments.results import read_curves
 from repaint_cli.experiments.schema import SCALES, Experiment
-from repaint_cli.experiments.tables import MEANING, markdown
+from repaint_cli.experiments.tables import MEANING, MORE, markdown
 
 ROOT = Path(__file__).parents[1]
 RESULTS = ROOT / "benchmarks" / "results" / "reproduce"
 PAGE = ROOT / "docs" / "results.md"
 BEGIN, END = "<!-- by tools/results.py -->\n", "<!-- end of tools/results.py -->\n"
+WIDTH = 120
+"""Of the page's lines, in characters."""
 REAL = tuple(scale for scale in SCALES if scale != "smoke")
 
 INTRO = """## The paper's experiments
 
 `repaint reproduce NAME --scale night` or `paper` trains what a figure or table of the paper needs,
-draws it, and puts our numbers beside the paper's; `repaint reproduce list` shows them all.
-`python tools/results.py` wrote this section from the CSVs in `benchmarks/results/reproduce/`. The
-settings are the paper's (tables 3 and 4).
+draws it, and puts our numbers beside the paper's; `repaint reproduce list` shows them all. The
+settings are the paper's (tables 3 and 4). `python tools/results.py` wrote this section from CSVs,
+`benchmarks/results/` has one for each experiment and scale that was run.
 """
 
 
@@ -92,14 +95,15 @@ def _part(experiment: Experiment, scale: str, rows: list[MeasuredRow]) -> Iterat
     yield ""
     yield experiment.summary
     if experiment.claim:
-        yield f"The paper: {experiment.claim}"
+        yield textwrap.fill(f"The paper: {experiment.claim}", WIDTH)
     yield ""
     if not experiment.gathers:
         record = ExperimentRecord.read(csv_of(experiment, scale).with_suffix(".json"))
-        yield (
+        yield textwrap.fill(
             f"`{record.command}`: {record.seeds} seeds × {record.iterations:,} iterations, "
             f"{record.precision}, {record.hours:.1f} hours on {record.hardware}, repaint "
-            f"{record.versions.get('repaint-rl', '?')}, {record.date}."
+            f"{record.versions.get('repaint-rl', '?')}, {record.date}.",
+            WIDTH,
         )
         yield ""
     yield from markdown(rows, experiment.table)
@@ -109,7 +113,7 @@ def _part(experiment: Experiment, scale: str, rows: list[MeasuredRow]) -> Iterat
 def _not_run(experiments: list[Experiment]) -> Iterator[str]:
     yield "### What each column is, and what was not run"
     yield ""
-    yield f"{MEANING}."
+    yield textwrap.fill(f"{MEANING}; {MORE}.", WIDTH)
     yield ""
     yield "Not run yet, and about how many hours it takes on two cores, shared runs counted:"
     yield ""
@@ -129,7 +133,7 @@ def with_section(page: str) -> str:
     _, end, after = rest.partition(END)
     if not begin or not end:
         raise StoreError(f"expected the lines {BEGIN.strip()} and {END.strip()} in {PAGE}")
-    return f"{before}{BEGIN}{section()}{END}{after}"
+    return f"{before}{BEGIN}{section()}\n{END}{after}"
 
 
 def main(words: list[str]) -> None:

@@ -77,7 +77,7 @@ def copy(
 
     Examples:
         repaint reproduce copy reacher my.toml
-        repaint reproduce my.toml --scale smoke
+        repaint reproduce copy single-car-zeta my-sweep.toml
     """
     from repaint_cli.cli.console import plain
     from repaint_cli.experiments.files import copy_experiment
@@ -96,8 +96,8 @@ def run(options: ReproduceOptions) -> None:
     What has been trained is not trained again: stopped or killed, type the same command to go on.
 
     Examples:
-        repaint reproduce reacher --scale smoke
-        repaint reproduce all --scale night --jobs 2
+        repaint reproduce run reacher --scale smoke
+        repaint reproduce run all --scale night --jobs 2
     """
     from repaint_cli.cli.reproduce_screen import carry_out
 

@@ -82,8 +82,9 @@ class _Printer(Follower):
         for warning in reproduced.warnings:
             out.print(f"[yellow]warning:[/yellow] {literal(warning)}", soft_wrap=False)
         out.print(literal(MEANING), soft_wrap=False)
-        name = experiment.name
-        print_written(reproduced.written, command("repaint reproduce copy {} my.toml", name))
+        forms = {"smoke": "repaint reproduce {} --scale night"}
+        form = forms.get(scale, "repaint reproduce copy {} my.toml")
+        print_written(reproduced.written, command(form, experiment.name))
 
     def _rows(self, reproduced: Reproduced) -> None:
         """Print a table for each panel."""

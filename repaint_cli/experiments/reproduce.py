@@ -11,7 +11,7 @@ from repaint_cli.experiments.measures import MeasuredRow, rows_of
 from repaint_cli.experiments.planning import PlannedExperiment, plan_experiment
 from repaint_cli.experiments.results import measured, write_curves
 from repaint_cli.experiments.schema import Experiment
-from repaint_cli.experiments.tables import MEANING, markdown, nobody_reached
+from repaint_cli.experiments.tables import MEANING, MORE, markdown, nobody_reached
 from repaint_cli.experiments.training import Trained, train, unfinished
 from repaint_cli.files.atomic import write_text
 
@@ -127,5 +127,5 @@ def _page(planned: PlannedExperiment, rows: Sequence[MeasuredRow]) -> str:
         *([f"The paper: {experiment.claim}"] * bool(experiment.claim)),
         "",
     ]
-    lines += [*markdown(rows, experiment.table), "", f"{MEANING}.", *nobody_reached(rows)]
+    lines += [*markdown(rows, experiment.table), "", f"{MEANING}; {MORE}.", *nobody_reached(rows)]
     return "\n".join(lines) + "\n"

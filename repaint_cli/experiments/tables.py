@@ -13,11 +13,12 @@ HEADS: Sequence[str] = (
 )  # fmt: skip
 
 MEANING = (
-    "K: the first iteration at which the mean over seeds is at the target; reduced: 1 - K / K from "
-    "scratch, ×2 is twice as late; area: mean return over all iterations; steps: a seed's until "
-    "K, teachers' counted; in round brackets the paper's number, in square brackets the 95 % "
-    "interval over seeds"
+    "K: the first iteration at which the mean over seeds is at the target; reduced: 1 − K / K from "
+    "scratch, ×2 is twice as late; best: highest mean; area: mean return over all iterations; in "
+    "round brackets the paper's number, in square brackets the 95 % interval over seeds"
 )
+MORE = "steps and time at K: a seed's until then, teachers' and evaluations counted"
+"""What the columns mean of which a terminal has no room for all."""
 
 
 def markdown(rows: Sequence[MeasuredRow], kind: str = "rows") -> Iterator[str]:

@@ -66,7 +66,7 @@ def train(planned: PlannedExperiment, jobs: int, on_trained: OnTrained) -> None:
                 done += 1
                 on_trained(Trained(run, done, total))
             for teacher in planned.teachers():
-                make_teacher(teacher)
+                make_teacher(teacher, scored=planned.scale != "smoke")
     except RepaintError as error:
         again = command(f"repaint reproduce {{}} --scale {planned.scale}", planned.experiment.name)
         raise type(error)(f"{error}; finished runs are kept, go on with: {again}") from error
@@ -78,8 +78,8 @@ def _trained(runs: Sequence[PlannedRun], jobs: int) -> Iterator[PlannedRun]:
         yield by_folder[folder]
 
 
-def make_teacher(teacher: PlannedTeacher) -> None:
-    """Write the best policy of a finished run as a teacher, with a score, unless it is there.
+def make_teacher(teacher: PlannedTeacher, scored: bool) -> None:
+    """Write the best policy of a finished run as a teacher, perhaps with a score; once.
 
     Raises:
         CheckpointError: the policy's file is damaged.
@@ -88,6 +88,8 @@ def make_teacher(teacher: PlannedTeacher) -> None:
     if teacher.run is None or teacher.file.exists():
         return
     network, card = store.read_teacher(RunFolder(teacher.run.folder).best)
-    with doing(f"scoring {teacher.name}"):
-        scored = {"name": teacher.name, "score": score(network, card.task, card.seed)}
-    store.add(network, 0, card.model_copy(update=scored), teacher.file.parent)
+    known: dict[str, object] = {"name": teacher.name}
+    if scored:
+        with doing(f"scoring {teacher.name}"):
+            known["score"] = score(network, card.task, card.seed)
+    store.add(network, 0, card.model_copy(update=known), teacher.file.parent)
