@@ -10,7 +10,7 @@ from small_runs import add_teacher
 from written_runs import climb, write_run
 
 from repaint_cli.errors import CardError, CheckpointError, NotFound, StoreError
-from repaint_cli.experiments import figures
+from repaint_cli.experiments import estimates, figures
 from repaint_cli.experiments.estimates import hours_of, seconds_left
 from repaint_cli.experiments.files import list_experiments, read_experiment
 from repaint_cli.experiments.folder import ExperimentFolder, ExperimentRecord, claim
@@ -18,6 +18,10 @@ from repaint_cli.experiments.measures import rows_of, smoothed
 from repaint_cli.experiments.planning import plan_experiment
 from repaint_cli.experiments.results import COLUMNS, MeasuredPanel, read_curves, write_curves
 from repaint_cli.experiments.tables import cells, markdown, nobody_reached, summary
+from repaint_cli.files.paths import shipped
+from repaint_cli.runs.estimate import Estimate
+from repaint_cli.runs.plan import Plan
+from repaint_cli.tasks.card_files import read_task
 from repaint_cli.tasks.similarity import cosine
 
 ALL = {one.name: one for one in list_experiments()}
@@ -147,8 +151,6 @@ def test_teachers_that_are_not_shipped_come_first(tmp_path):
 
 
 def test_the_two_readings_of_the_penalty():
-    from repaint_cli.tasks.card_files import read_task
-
     inner, outer, soft_inner, soft_outer = (
         read_task(f"racer-{name}") for name in ("inner", "outer", "inner-soft", "outer-soft")
     )
@@ -159,6 +161,13 @@ def test_the_two_readings_of_the_penalty():
     assert cosine(soft_inner, soft_outer) == pytest.approx(-0.198, abs=5e-4)
     assert cosine(inner, soft_outer) == pytest.approx(-0.774, abs=5e-4)
     assert cosine(outer, soft_inner) == pytest.approx(-0.774, abs=5e-4)
+
+
+def test_a_teacher_of_the_hard_reading_teaches_the_soft_one():
+    soft = read_task("racer-outer-soft")
+    teacher = shipped("zoo") / "racer-inner.safetensors"
+    _, teachers = Plan(soft, "repaint", [0], Path("run"), (teacher,)).check()
+    assert [card.name for card in teachers.cards] == ["racer-inner"]
 
 
 BAD = [
@@ -313,3 +322,21 @@ def test_hours_are_those_of_runs_that_are_trained_once():
     scale = ALL["reacher"].scale("paper")
     wanted = 7 * (scale.seeds * scale.iterations * scale.seconds + 5) / 3600
     assert hours_of(ALL["reacher"], "paper") == pytest.approx(wanted)
+
+
+def test_an_iteration_that_nobody_has_timed_is_measured_once_a_task(tmp_path, monkeypatch):
+    measured = []
+
+    def estimate(plan):
+        measured.append((plan.task.name, plan.method, plan.seeds))
+        return Estimate((3.0,), plan.task.ppo.n_iterations)
+
+    monkeypatch.setattr(estimates, "estimate", estimate)
+    runs = [
+        replace(run, seconds=None)
+        for name in ("reacher", "single-car")
+        for run in plan_experiment(ALL[name], "smoke", tmp_path).runs()
+        if run.card.name in ("reacher", "racer-outer")
+    ]
+    assert seconds_left(runs) == pytest.approx(len(runs) * (2 * 2 * 3.0 + estimates.RUN_SECONDS))
+    assert measured == [("reacher", "scratch", [0]), ("racer-outer", "scratch", [0])]

@@ -121,7 +121,7 @@ def test_what_is_wrong_is_said_and_nothing_is_written(repaint, home, words, code
 @pytest.mark.slow
 @pytest.mark.skipif(not Path("/proc/self/task").is_dir(), reason="needs /proc to find the process")
 def test_a_worker_that_is_killed_is_named_and_the_command_goes_on(repaint, mine):
-    more = '[scales.night]\nseeds = 1\niterations = 300\nseconds = 0.1\nsettings = ["{}"]'
+    more = '[scales.night]\nseeds = 1\niterations = 150\nseconds = 0.1\nsettings = ["{}"]'
     quick = '", "'.join(["ppo.n_steps=204", "ppo.n_envs=4", "ppo.n_epochs=1", "eval.episodes=2"])
     (mine / "mine.toml").write_text(small(more=more.format(quick)))
     env = os.environ | {"PYTHONPATH": str(PACKAGE.parent), "OMP_NUM_THREADS": "1"}
@@ -139,7 +139,8 @@ def test_a_worker_that_is_killed_is_named_and_the_command_goes_on(repaint, mine)
 def worker_of(parent):
     """The process id of the first process that trains for another, once its run has begun."""
     for _ in range(600):
-        children = Path(f"/proc/{parent}/task/{parent}/children").read_text().split()
+        tasks = Path(f"/proc/{parent}/task").glob("*/children")  # of each thread
+        children = " ".join(task.read_text() for task in tasks).split()
         if children and list(Path("reproduce").glob("runs/*/checkpoint*")):
             return int(children[0])
         time.sleep(0.1)

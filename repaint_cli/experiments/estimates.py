@@ -5,6 +5,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
+from repaint_cli.activity import doing
 from repaint_cli.experiments.planning import PlannedRun, plan_experiment
 from repaint_cli.experiments.schema import Experiment
 from repaint_cli.runs.estimate import estimate
@@ -39,7 +40,8 @@ def _measured(run: PlannedRun, known: dict[str, float]) -> float:
     if task not in known:
         plan = run.plan
         short = replace(plan, seeds=plan.seeds[:1], method="scratch", teachers=())
-        known[task] = estimate(short).seconds / plan.task.ppo.n_iterations
+        with doing(f"measuring {task}"):
+            known[task] = estimate(short).seconds / plan.task.ppo.n_iterations
     return known[task]
 
 

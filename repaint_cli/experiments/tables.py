@@ -17,7 +17,10 @@ MEANING = (
     "scratch, ×2 is twice as late; best: highest mean; area: mean return over all iterations; in "
     "round brackets the paper's number, in square brackets the 95 % interval over seeds"
 )
-MORE = "steps and time at K: a seed's until then, teachers' and evaluations counted"
+MORE = (
+    "steps at K: a seed's until then, teachers' counted; time at K: of all seeds together until "
+    "then, evaluations counted"
+)
 """What the columns mean of which a terminal has no room for all."""
 
 
@@ -70,6 +73,7 @@ def cells(row: MeasuredRow) -> list[str]:
     ours, name = row.ours, row.variant
     paper = row.paper
     k = "never" if isnan(ours.reached) else f"{ours.reached:.0f}"
+    k = "-" if row.target is None else k
     reduced = reduction(ours.reduced) if row.compared else ""
     best = short(ours.best)
     time = duration(ours.seconds)
