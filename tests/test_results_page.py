@@ -32,7 +32,7 @@ def test_every_committed_file_is_an_experiment_s():
     }
     for path in results.RESULTS.glob("*"):
         assert path.stem in known
-        assert path.suffix in (".csv", ".json")
+        assert path.suffix in (".csv", ".json", ".md")
         assert path.with_suffix(".csv").is_file()
         assert json.loads(path.with_suffix(".json").read_text())["scale"] != "smoke"
 
@@ -59,6 +59,7 @@ def test_what_was_collected_is_on_the_page_with_its_command(reproduced):
     assert "### reacher, night" not in results.section()
     (path,) = results.collect(reproduced)
     assert path.name == "reacher.night.csv"
+    path.with_suffix(".md").write_text("Ours are slower.\n")
     text = results.section()
     assert "### reacher, night (figure 1)" in text
     assert "`repaint reproduce reacher --scale night`: 10 seeds × 100 iterations, float32" in text
@@ -66,6 +67,7 @@ def test_what_was_collected_is_on_the_page_with_its_command(reproduced):
     assert "(173)" in row
     assert "| reacher | night |" not in text  # of what was not run
     assert "| reacher | paper |" in text
+    assert text.count("\nOurs are slower.\n") == 1
     assert "| reacher: similar teacher (cosine 0.89) | -7.4 (-7.4) | " in text  # of table 1
 
 

@@ -3,7 +3,8 @@
     python tools/results.py collect reproduce    # copy finished experiments' CSVs from there
     python tools/results.py                      # write the section of docs/results.md from them
 
-What is of the scale smoke is no result and is not collected.
+What is of the scale smoke is no result and is not collected. A text beside a CSV, with the suffix
+.md, stands under its table: why our numbers are others than the paper's, and what was tried.
 """
 
 import shutil
@@ -68,22 +69,25 @@ def collect(into: Path) -> Iterator[Path]:
 def section() -> str:
     """Return the section of the page."""
     experiments = list_experiments()
+    known = {
+        (one.name, scale): rows
+        for one in experiments
+        for scale in REAL
+        if not one.gathers and (rows := rows_at(one, scale))
+    }
     parts = [INTRO]
-    for experiment in experiments:
+    for one in experiments:
         for scale in reversed(REAL):
-            rows = rows_at(experiment, scale)
-            if rows:
-                parts.append("\n".join(_part(experiment, scale, rows)))
+            own = known.get((one.name, scale), [])
+            gathered = [row for name in one.gathers for row in known.get((name, scale), [])]
+            if rows := own + [row for row in gathered if row.paper]:
+                parts.append("\n".join(_part(one, scale, rows)))
     parts.append("\n".join(_not_run(experiments)))
     return "\n".join(parts)
 
 
 def rows_at(experiment: Experiment, scale: str) -> list[MeasuredRow]:
     """Return the rows of an experiment's table, none where nothing is committed."""
-    if experiment.gathers:
-        named = {one.name: one for one in list_experiments()}
-        others = [row for name in experiment.gathers for row in rows_at(named[name], scale)]
-        return [row for row in others if row.paper]
     path = csv_of(experiment, scale)
     if not path.is_file():
         return []
@@ -108,6 +112,9 @@ def _part(experiment: Experiment, scale: str, rows: list[MeasuredRow]) -> Iterat
         yield ""
     yield from markdown(rows, experiment.table)
     yield ""
+    note = csv_of(experiment, scale).with_suffix(".md")
+    if note.is_file():
+        yield note.read_text(encoding="utf-8")
 
 
 def _not_run(experiments: list[Experiment]) -> Iterator[str]:
