@@ -49,8 +49,10 @@ def draw_curves(
     title = f"{experiment.summary.rstrip('.')} ({experiment.item})"
     title += f"; smoothed over {over} iterations" if over > 1 else ""
     title += "; smoke: no result" if scale == "smoke" else ""
-    note = f"bold: mean of {seeds}; thin: each seed; shaded: 95 % interval of the mean"
     rows = [[_panel(own, measure, over) for own in panels] for measure in experiment.show]
+    banded = any(line.band for row in rows for panel in row for line in panel.lines)
+    note = f"bold: mean of {seeds}; thin: each seed"
+    note += "; shaded: 95 % interval of the mean" if banded else ""
     written = []
     for along in ALONG:
         paths = [folder.figure(along, suffix) for suffix in SUFFIXES]

@@ -7,7 +7,7 @@ import numpy as np
 from repaint_cli.experiments.results import MeasuredPanel
 from repaint_cli.experiments.schema import PaperNumbers
 from repaint_cli.report.statistics import Floats, bootstrap_mean
-from repaint_cli.runs.comparison import Comparison, Standing, comparison_of, reference_of
+from repaint_cli.runs.comparison import Standing, comparison_of, reference_of
 
 REFERENCE = "scratch"
 """The variant, or the method, that others of a panel are compared with."""
@@ -34,18 +34,14 @@ class MeasuredRow:
         return self.ours.label
 
 
-def compare_panel(panel: MeasuredPanel) -> Comparison:
-    """Compare the variants of a panel with training from scratch, to the panel's target."""
-    return comparison_of(panel.runs, reference_of(panel.runs, REFERENCE), panel.panel.target)
-
-
 def rows_of(panel: MeasuredPanel) -> list[MeasuredRow]:
-    """Return a row for each variant of a panel."""
-    compared = compare_panel(panel)
+    """Return a row for each variant of a panel, compared with training from scratch."""
+    reference, target = reference_of(panel.runs, REFERENCE), panel.panel.target
+    compared = comparison_of(panel.runs, reference, target)
     return [
         MeasuredRow(
             panel.experiment, panel.panel.title, standing, panel.panel.paper, compared.target,
-            compared.reference not in (None, standing.label),
+            reference not in (None, standing.label),
         )
         for standing in compared.standings
     ]  # fmt: skip
@@ -53,11 +49,13 @@ def rows_of(panel: MeasuredPanel) -> list[MeasuredRow]:
 
 def target_of(panel: MeasuredPanel) -> tuple[float, str] | None:
     """Return a panel's target and what it is called, None where there is none."""
-    compared = compare_panel(panel)
-    if compared.target is None:
+    if panel.panel.target is not None:
+        return panel.panel.target, "target"
+    reference = reference_of(panel.runs, REFERENCE)
+    if reference is None:
         return None
-    name = "target" if compared.given else f"best of {compared.reference}"
-    return compared.target, name
+    best = float(np.nanmax(panel.runs[reference].returns.mean(0)))
+    return best, f"best of {reference}"
 
 
 def interval_of_mean(values: Floats) -> tuple[Floats, Floats] | None:
