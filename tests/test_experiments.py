@@ -94,6 +94,7 @@ def check_plan(experiment, scale, tmp_path):
         if scale == "smoke":
             assert (run.card.ppo.n_iterations, run.card.ppo.n_epochs) == (2, 1)
             assert run.card.eval.episodes == 2
+            assert run.card.net.dense == (32 if "5-layer" in experiment.name else 512)
     assert 0 < seconds_left(planned.all_runs()) / 3600 < 200
 
 

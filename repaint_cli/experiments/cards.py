@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from repaint_cli.experiments.schema import SMOKE, Scale
+from repaint_cli.experiments.schema import Scale
 from repaint_cli.tasks.card import TaskCard
 from repaint_cli.tasks.presets import PRESETS
 
@@ -22,7 +22,7 @@ def card_for(
     """
     basis = [*preset_settings(preset, card), f"ppo.n_iterations={iterations}", *scale.settings]
     card = card.with_settings([*basis, *settings])
-    return card.with_settings(smoke_settings(card)) if scale is SMOKE else card
+    return card.with_settings(smoke_settings(card)) if scale.short else card
 
 
 def preset_settings(preset: str, card: TaskCard) -> list[str]:

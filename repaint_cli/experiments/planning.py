@@ -14,7 +14,7 @@ from typing import Any
 from repaint_cli.errors import RepaintError, StoreError
 from repaint_cli.experiments.cards import card_for
 from repaint_cli.experiments.files import read_experiment
-from repaint_cli.experiments.schema import SMOKE, Experiment, MadeTeacher, Panel, Scale, Variant
+from repaint_cli.experiments.schema import Experiment, MadeTeacher, Panel, Scale, Variant
 from repaint_cli.files.atomic import sha256
 from repaint_cli.runs.folder import RunFolder
 from repaint_cli.runs.plan import Plan
@@ -215,7 +215,7 @@ class _Maker:
         wanted, scale = self.made[name], self.scale
         iterations = scale.teacher_iterations or wanted.iterations
         card = self._card(wanted.task, wanted.settings, iterations)
-        seeds = wanted.seeds[: SMOKE.seeds] if scale is SMOKE else wanted.seeds
+        seeds = wanted.seeds[: scale.seeds] if scale.short else wanted.seeds
         run = self._planned(card, "scratch", seeds)
         file = self.root / TEACHERS / run.key[:KEY] / f"{name}{store.SUFFIX}"
         return PlannedTeacher(name, file, _key({"best of": run.key, "name": name}), run)

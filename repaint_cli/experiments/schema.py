@@ -134,9 +134,11 @@ class Scale(Settings):
     """About how long an iteration of one seed takes on two cores; measured first where absent."""
     teacher_iterations: int | None = Field(None, gt=0)
     """Of training teachers that are made; their own where absent."""
+    short: bool = False
+    """Whether episodes are few and short; see `cards.smoke_settings`."""
 
 
-SMOKE = Scale(seeds=2, iterations=2, seconds=0.5, teacher_iterations=2)
+SMOKE = Scale(seeds=2, iterations=2, seconds=0.5, teacher_iterations=2, short=True)
 """Every experiment's smoke scale; what is short besides is in `cards.smoke_settings`."""
 SCALES = ("smoke", "night", "paper")
 """Minutes; a night on two cores; about the paper's seeds and horizon."""
@@ -174,6 +176,8 @@ class Experiment(Settings):
     to the target of each variant."""
     smoothing: PositiveInt = 1
     """Iterations over which the drawn curves are averaged; numbers in tables never are."""
+    smoke: tuple[str, ...] = ()
+    """Further settings of all cards at the scale smoke, as `section.key=value`."""
     scales: dict[Literal["night", "paper"], Scale] = Field(default_factory=dict)
     """How much is trained at each scale; every experiment has the scale smoke."""
 
@@ -209,7 +213,7 @@ class Experiment(Settings):
             UsageError: the experiment does not have it.
         """
         if name == "smoke":
-            return SMOKE
+            return SMOKE.model_copy(update={"settings": self.smoke})
         for known, scale in self.scales.items():
             if known == name:
                 return scale
