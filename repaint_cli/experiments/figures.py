@@ -12,7 +12,7 @@ from repaint_cli.experiments.measures import interval_of_mean, smoothed, target_
 from repaint_cli.experiments.planning import PlannedExperiment
 from repaint_cli.experiments.results import MeasuredPanel
 from repaint_cli.experiments.schema import Experiment
-from repaint_cli.report.panels import CurvePanel, Line, plot_panels
+from repaint_cli.report.panels import MOST_THIN, CurvePanel, Line, plot_panels
 from repaint_cli.runs.compare import EPISODES, compare_paths
 
 SUFFIXES = (".png", ".svg")
@@ -46,12 +46,13 @@ def draw_curves(
 ) -> list[Path]:  # fmt: skip
     """Draw learning curves, as PNG and SVG, along iterations and along steps."""
     over = experiment.smoothing
-    title = f"{experiment.summary.rstrip('.')} ({experiment.item})"
-    title += f"; smoothed over {over} iterations" if over > 1 else ""
-    title += "; smoke: no result" if scale == "smoke" else ""
+    more = [f"smoothed over {over} iterations"] * (over > 1)
+    more += ["smoke: no result"] * (scale == "smoke")
+    title = f"{experiment.summary.rstrip('.')} ({experiment.item})\n{'; '.join(more)}".rstrip()
     rows = [[_panel(own, measure, over) for own in panels] for measure in experiment.show]
     banded = any(line.band for row in rows for panel in row for line in panel.lines)
-    note = f"bold: mean of {seeds}; thin: each seed"
+    few = max(len(run.seeds) for own in panels for run in own.runs.values()) <= MOST_THIN
+    note = f"bold: mean of {seeds}" + "; thin: each seed" * few
     note += "; shaded: 95 % interval of the mean" if banded else ""
     written = []
     for along in ALONG:

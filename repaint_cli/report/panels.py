@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
+from matplotlib.patheffects import withStroke
 from matplotlib.ticker import EngFormatter, MaxNLocator
 
 from repaint_cli.report import style
@@ -19,8 +20,10 @@ WIDTH, HEIGHT = 4.0, 2.9
 """Of a panel, inches."""
 LEAST_WIDTH = 6.4
 """Of a figure, inches."""
-LEGEND_WIDTH = 1.9
+LEGEND_WIDTH = 1.6
 """Of an entry of the legend, inches."""
+MOST_THIN = 5
+"""Seeds of a line that are drawn one by one beside its mean."""
 FAR = 0.6
 """How far beyond the curves a target is drawn still, as a share of their range."""
 
@@ -110,8 +113,8 @@ def _panel(axes: Axes, panel: CurvePanel, colours: dict[str, str]) -> None:
 
 
 def _line(axes: Axes, line: Line, colour: str) -> None:
-    """Draw thin seeds, the band, and the mean on top where every seed has a value."""
-    if len(line.y) > 1:
+    """Draw few seeds, the band, and the mean on top where every seed has a value."""
+    if 1 < len(line.y) <= MOST_THIN:
         for x, y in zip(line.x, line.y, strict=True):
             axes.plot(x, y, color=colour, alpha=0.22, linewidth=0.5)
     x, y = line.x.mean(axis=0), line.y.mean(axis=0)
@@ -129,9 +132,12 @@ def _target(axes: Axes, value: float, name: str) -> None:
     text, room = f"{name} {value:.4g}", FAR * (top - bottom)
     if bottom - room <= value <= top + room:
         axes.axhline(value, color=style.INK, linewidth=1, linestyle=(0, (5, 3)), zorder=2)
-        style.note(axes, text, (0, value), ("axes fraction", "data"))
+        place, units = (0.0, value), ("axes fraction", "data")
     else:
         above = value > top
-        place = (0.0, 0.93 if above else 0.01)
+        place, units = (0.0, 0.93 if above else 0.01), ("axes fraction", "axes fraction")
         text = f"{text}, {'above' if above else 'below'} all that is shown"
-        style.note(axes, text, place, ("axes fraction", "axes fraction"))
+    axes.annotate(
+        text, place, (3, 3), xycoords=units, textcoords="offset points", size=style.NOTE_SIZE,
+        color=style.INK, path_effects=[withStroke(linewidth=2.5, foreground="white")], zorder=4,
+    )  # fmt: skip
