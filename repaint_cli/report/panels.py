@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
-from matplotlib.patheffects import withStroke
 from matplotlib.ticker import EngFormatter, MaxNLocator
 
 from repaint_cli.report import style
@@ -139,5 +138,5 @@ def _target(axes: Axes, value: float, name: str) -> None:
         text = f"{text}, {'above' if above else 'below'} all that is shown"
     axes.annotate(
         text, place, (3, 3), xycoords=units, textcoords="offset points", size=style.NOTE_SIZE,
-        color=style.INK, path_effects=[withStroke(linewidth=2.5, foreground="white")], zorder=4,
+        color=style.INK, bbox={"facecolor": "white", "alpha": 0.75, "linewidth": 0, "pad": 0.5}, zorder=4,
     )  # fmt: skip
