@@ -138,5 +138,6 @@ def _target(axes: Axes, value: float, name: str) -> None:
         text = f"{text}, {'above' if above else 'below'} all that is shown"
     axes.annotate(
         text, place, (3, 3), xycoords=units, textcoords="offset points", size=style.NOTE_SIZE,
-        color=style.INK, bbox={"facecolor": "white", "alpha": 0.75, "linewidth": 0, "pad": 0.5}, zorder=4,
+        color=style.INK, zorder=4,
+        bbox={"facecolor": "white", "alpha": 0.75, "linewidth": 0, "pad": 0.5},
     )  # fmt: skip
