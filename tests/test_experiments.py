@@ -305,9 +305,12 @@ def test_a_folder_of_another_experiment_is_not_written(home):
     planned = plan_experiment(read_experiment("mine.toml"), "smoke", home / "into")
     claim(planned, replace=False)
     assert not ExperimentRecord.read(claim(planned, replace=False).record).finished
-    (home / "mine.toml").write_text(small(target=3).replace("A small", "Quite another"))
+    edited = small(target=3, variants='["scratch"]')
+    (home / "mine.toml").write_text(edited)
+    claim(plan_experiment(read_experiment("mine.toml"), "smoke", home / "into"), replace=False)
+    (home / "mine.toml").write_text(edited.replace("A small", "Quite another"))
     other = plan_experiment(read_experiment("mine.toml"), "smoke", home / "into")
-    with pytest.raises(StoreError, match=r"is of another experiment, 'mine' .A small experiment"):
+    with pytest.raises(StoreError, match=r"mine is of another experiment, A small experiment\.; "):
         claim(other, replace=False)
     claim(other, replace=True)
     record = planned.folder / "experiment.json"

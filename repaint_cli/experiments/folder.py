@@ -2,6 +2,7 @@
 
 import os
 import platform
+from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -114,29 +115,31 @@ class ExperimentRecord(BaseModel):
 def claim(planned: PlannedExperiment, replace: bool) -> ExperimentFolder:
     """Return an experiment's folder, and put a record into it before anything is trained.
 
+    An experiment stays the same when its variants, settings or scales are edited.
+
     Raises:
         StoreError: the folder is another experiment's and may not be replaced, or cannot be made.
         CheckpointError: its record is damaged or of another version.
     """
     folder = ExperimentFolder(planned.folder)
-    if folder.record.exists() and not replace:
+    if folder.record.exists():
         found = ExperimentRecord.read(folder.record)
-        if found.definition != planned.experiment.model_dump(mode="json"):
+        same = _about(found.definition) == _about(planned.experiment.model_dump(mode="json"))
+        if not (same or replace):
             raise StoreError(
-                f"{folder.path} is of another experiment, '{found.experiment}' ({_about(found)}); "
+                f"{folder.path} is of another experiment, {found.definition.get('summary')!s:.60}; "
                 "name another folder with --into, or --replace it: no run is lost by that"
             )
-        if found.finished:
-            return folder
-    elif not folder.record.exists() and folder.path.exists() and any(folder.path.iterdir()):
+    elif folder.path.exists() and any(folder.path.iterdir()):
         raise StoreError(f"{folder.path} is there and is no experiment's; name another with --into")
     record_of(planned, finished=False).write(folder.record)
     return folder
 
 
-def _about(record: ExperimentRecord) -> str:
-    summary = record.definition.get("summary", "")
-    return f"{summary!s:.60}"
+def _about(definition: Mapping[str, Any]) -> list[object]:
+    """Return what tells experiments of one name apart: the sentence, and the panels' tasks."""
+    panels = [panel.get("task") for panel in definition.get("panels", ())]
+    return [definition.get("summary"), definition.get("gathers"), panels]
 
 
 def record_of(planned: PlannedExperiment, *, finished: bool) -> ExperimentRecord:
