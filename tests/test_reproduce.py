@@ -57,11 +57,14 @@ def test_an_experiment_is_trained_once_drawn_and_tabled(repaint, mine):
         for run in runs.values():
             assert json.loads((folder / run / "run.json").read_text())["state"] == "finished"
 
+    dated = (folder / "experiment.json").read_text().replace(record["date"], "2021-07-18")
+    (folder / "experiment.json").write_text(dated)
     before = files_below(mine / "reproduce" / "runs")
     again = repaint("reproduce", "run", "mine.toml", *SMOKE)
     assert (again.code, again.out) == (0, said.out)
     assert "0 to train" in again.err
     assert files_below(mine / "reproduce" / "runs") == before
+    assert (folder / "experiment.json").read_text() == dated  # the day on which it was trained
 
 
 def test_what_was_stopped_goes_on_and_a_teacher_is_made_first(repaint, mine, monkeypatch):

@@ -115,7 +115,8 @@ class ExperimentRecord(BaseModel):
 def claim(planned: PlannedExperiment, replace: bool) -> ExperimentFolder:
     """Return an experiment's folder, and put a record into it before anything is trained.
 
-    An experiment stays the same when its variants, settings or scales are edited.
+    An experiment stays the same when its variants, settings or scales are edited. The record of one
+    that is finished stays: it says when and where that was.
 
     Raises:
         StoreError: the folder is another experiment's and may not be replaced, or cannot be made.
@@ -124,16 +125,23 @@ def claim(planned: PlannedExperiment, replace: bool) -> ExperimentFolder:
     folder = ExperimentFolder(planned.folder)
     if folder.record.exists():
         found = ExperimentRecord.read(folder.record)
-        same = _about(found.definition) == _about(planned.experiment.model_dump(mode="json"))
+        same = _about(found.definition) == _about(_definition(planned))
         if not (same or replace):
             raise StoreError(
                 f"{folder.path} is of another experiment, {found.definition.get('summary')!s:.60}; "
                 "name another folder with --into, or --replace it: no run is lost by that"
             )
+        done = all(run.left() is None for run in planned.all_runs())
+        if found.finished and done and found.definition == _definition(planned):
+            return folder
     elif folder.path.exists() and any(folder.path.iterdir()):
         raise StoreError(f"{folder.path} is there and is no experiment's; name another with --into")
     record_of(planned, finished=False).write(folder.record)
     return folder
+
+
+def _definition(planned: PlannedExperiment) -> dict[str, Any]:
+    return planned.experiment.model_dump(mode="json")
 
 
 def _about(definition: Mapping[str, Any]) -> list[object]:
@@ -156,7 +164,7 @@ def record_of(planned: PlannedExperiment, *, finished: bool) -> ExperimentRecord
         scale=scale,
         command=command(f"repaint reproduce {{}} --scale {scale}", name),
         finished=finished,
-        definition=planned.experiment.model_dump(mode="json"),
+        definition=_definition(planned),
         runs={
             panel.panel.title: {
                 variant: os.path.relpath(run.folder, planned.folder)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from repaint_cli.experiments.estimates import seconds_left
 from repaint_cli.experiments.figures import draw
-from repaint_cli.experiments.folder import ExperimentFolder, claim, record_of
+from repaint_cli.experiments.folder import ExperimentFolder, ExperimentRecord, claim, record_of
 from repaint_cli.experiments.measures import MeasuredRow, rows_of
 from repaint_cli.experiments.planning import PlannedExperiment, plan_experiment
 from repaint_cli.experiments.results import measured, write_curves
@@ -111,7 +111,8 @@ def _carried_out(
     write_curves(panels, folder.curves)
     write_text(folder.table, _page(planned, rows))
     written += draw(planned, panels, folder)
-    record_of(planned, finished=True).write(folder.record)
+    if not ExperimentRecord.read(folder.record).finished:
+        record_of(planned, finished=True).write(folder.record)
     reproduced = Reproduced(planned, rows, nobody_reached(rows), written)
     follower.finish(reproduced)
     return reproduced
