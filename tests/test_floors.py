@@ -16,7 +16,8 @@ MAY_IMPORT = {
     "learn": "ground envs tasks policies",
     "zoo": "ground files report tasks policies learn",
     "runs": "ground files report envs tasks policies learn zoo",
-    "cli": "ground files report envs tasks policies learn zoo runs door",
+    "experiments": "ground files report tasks learn zoo runs",
+    "cli": "ground files report envs tasks policies learn zoo runs experiments door",
     "door": "ground envs tasks policies learn zoo runs cli",
 }
 """Packages, the single files beside them (ground), and what users import and run (door)."""

@@ -109,11 +109,15 @@ def installed(tmp_path_factory, address):
 
 def test_the_wheel_brings_tasks_tracks_and_zoo_and_no_code_among_them(installed):
     names = {path.name for path in installed.site.iterdir()}
-    brought = {name for name in names if "repaint" in name or name in ("tasks", "zoo", "tests")}
+    brought = {
+        name
+        for name in names
+        if "repaint" in name or name in ("tasks", "zoo", "experiments", "tests")
+    }
     assert {name.partition("-")[0] for name in brought} == {"repaint_cli", "repaint_rl"}
     data = installed.site / "repaint_cli" / "_data"
     assert not list(data.rglob("*.py"))
-    for kind in ("tasks", "zoo"):
+    for kind in ("tasks", "zoo", "experiments"):
         beside = {path.relative_to(ROOT / kind) for path in (ROOT / kind).rglob("*.*")}
         assert {path.relative_to(data / kind) for path in (data / kind).rglob("*.*")} == beside
 

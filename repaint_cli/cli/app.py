@@ -13,6 +13,7 @@ from repaint_cli.cli.evaluate import evaluate
 from repaint_cli.cli.help_page import HelpPage
 from repaint_cli.cli.open import open_page
 from repaint_cli.cli.output import drop_output, guard_output
+from repaint_cli.cli.reproduce import reproduce
 from repaint_cli.cli.similarity import similarity
 from repaint_cli.cli.tasks import tasks
 from repaint_cli.cli.train_teacher import train_teacher
@@ -32,6 +33,7 @@ app.command("eval", cls=HelpPage)(evaluate)
 app.command("similarity", cls=HelpPage)(similarity)
 app.command("compare", cls=HelpPage)(compare)
 app.command("open", cls=HelpPage)(open_page)
+app.add_typer(reproduce, name="reproduce")
 app.add_typer(tasks, name="tasks")
 app.add_typer(zoo, name="zoo")
 

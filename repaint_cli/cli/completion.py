@@ -1,4 +1,4 @@
-"""What a shell completes: names of tasks, teachers, methods, and runs' folders.
+"""What a shell completes: names of tasks, teachers, methods, experiments, and runs' folders.
 
 It is asked at every press of a key, so that nothing slow is imported here.
 """
@@ -49,6 +49,14 @@ def policies(incomplete: str) -> list[str]:
 def methods(incomplete: str) -> list[tuple[str, str]]:
     """Return the methods, with what each is."""
     return [(name, METHODS[name].summary) for name in _beginning(incomplete, METHODS)]
+
+
+def experiments(incomplete: str) -> list[str]:
+    """Return the experiments to reproduce, and files in the present folder."""
+    from repaint_cli.experiments.files import ALL, shipped_experiments
+
+    own = map(str, sorted(Path().glob("*.toml")))
+    return _beginning(incomplete, [*shipped_experiments(), ALL, *own])
 
 
 def algorithms(incomplete: str) -> list[str]:

@@ -14,6 +14,8 @@ OPTIONS = "Options"
 ASCII = str.maketrans({"β": "beta", "ζ": "zeta", "₀": "_0", "≥": ">=", "…": "...", "×": "x"})
 """How help spells what ASCII lacks."""
 
+BRACES = str.maketrans("", "", "{}")
+
 
 def legible(text: str | None, encoding: str) -> str:
     """Return a text as a terminal of this encoding can show it."""
@@ -53,7 +55,7 @@ class HelpPage(TyperCommand):
 
     def collect_usage_pieces(self, ctx: Any) -> list[str]:
         """Return the words of the usage line; required ones without braces, as in manuals."""
-        return [piece.strip("{}") for piece in super().collect_usage_pieces(ctx)]
+        return [piece.translate(BRACES) for piece in super().collect_usage_pieces(ctx)]
 
     def format_options(self, ctx: Any, formatter: Any) -> None:
         """Write arguments and options, a column over all headings."""

@@ -9,7 +9,10 @@ PACKAGE = Path(__file__).parents[1]
 
 
 def shipped(kind: str) -> Path:
-    """Return where shipped `tasks` or `zoo` lie: in the package once installed, else beside it."""
+    """Return where shipped `tasks`, `zoo` or `experiments` lie.
+
+    In the package once installed, else beside it.
+    """
     installed = PACKAGE / "_data" / kind
     return installed if installed.is_dir() else PACKAGE.parent / kind
 

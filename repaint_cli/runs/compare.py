@@ -161,6 +161,7 @@ def compare_paths(
     picture: Path,
     on_run: OnEvaluatedRun | None = None,
     replace: bool = False,
+    episodes: int = EPISODES,
 ) -> list[EvaluatedRun]:
     """Let the last policies of runs play, and draw the first seeds' paths side by side.
 
@@ -180,11 +181,11 @@ def compare_paths(
     evaluated = []
     for run in runs:
         policies = last_policies(run)
-        episodes = evaluate(policies, run.task, run.seeds, EPISODES, purpose=Purpose.SCORE)
-        evaluated.append(EvaluatedRun(run, f"{run.task.name}: {run.label}", episodes))
+        played = evaluate(policies, run.task, run.seeds, episodes, purpose=Purpose.SCORE)
+        evaluated.append(EvaluatedRun(run, f"{run.task.name}: {run.label}", played))
         if on_run:
             on_run(evaluated[-1])
-    title = f"the last policies, {EPISODES} episodes each, first seeds"
+    title = f"the last policies, {episodes} episodes each, first seeds"
     panels = [(one.label, one.episodes) for one in evaluated]
     draw_trajectories(runs[0].task, panels, picture, title)
     return evaluated

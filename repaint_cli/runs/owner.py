@@ -1,7 +1,7 @@
 """The owner of a run: chooses its folder, locks, reads, and unlocks it when all is written."""
 
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -60,6 +60,15 @@ def resumed_run(
         )
         _check_zoo(plan)
         yield Experiment.resume(plan)
+
+
+def begun_run(plan: Plan) -> AbstractContextManager[Experiment]:
+    """Hold the run that is in a plan's folder, which goes on as it began; a new one otherwise.
+
+    Raises:
+        RepaintError: see `new_run` and `resumed_run`.
+    """
+    return resumed_run(plan.folder) if plan.files.is_run() else new_run(plan)
 
 
 def _check_zoo(plan: Plan) -> None:

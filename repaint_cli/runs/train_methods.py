@@ -5,16 +5,13 @@ from dataclasses import replace
 from pathlib import Path
 
 from repaint_cli.errors import UsageError
-from repaint_cli.runs.carry_out import carry_out
 from repaint_cli.runs.estimate import Estimate, estimate
 from repaint_cli.runs.new_folder import make_new
-from repaint_cli.runs.owner import new_run
 from repaint_cli.runs.plan import Plan
 from repaint_cli.runs.start import checked_seeds, find_teachers, new_folder, on_this_machine
-from repaint_cli.runs.workers import measure_aside, train_side_by_side
+from repaint_cli.runs.workers import measure_aside, threads_of, train_all
 from repaint_cli.tasks.card import TaskCard
 from repaint_cli.tasks.methods import METHODS, method_for
-from repaint_cli.threads import cores
 
 MANY_SEEDS, FEW_SEEDS = 10, 3
 """Seeds of each method where nobody says how many: of quick iterations, and of others."""
@@ -31,12 +28,7 @@ def measured(plan: Plan, jobs: int) -> Estimate:
     Raises:
         RepaintError: the run could not begin, or fails in these iterations.
     """
-    return estimate(plan) if jobs == 1 else measure_aside(plan, _threads(jobs))
-
-
-def _threads(jobs: int) -> int:
-    """Return how many threads each of several jobs has."""
-    return max(1, cores() // jobs)
+    return estimate(plan) if jobs == 1 else measure_aside(plan, threads_of(jobs))
 
 
 def train_methods(
@@ -107,10 +99,4 @@ def _carried_out(plans: Sequence[Plan], jobs: int) -> Iterator[Path]:
         RepaintError: what stopped a run.
     """
     root = make_new(plans[0].folder.parent)
-    plans = [replace(plan, folder=root / plan.method) for plan in plans]
-    if jobs > 1:
-        yield from train_side_by_side(plans, jobs, threads=_threads(jobs))
-        return
-    for plan in plans:
-        carry_out(new_run(plan), finish_interrupted=False)
-        yield plan.folder
+    yield from train_all([replace(plan, folder=root / plan.method) for plan in plans], jobs)

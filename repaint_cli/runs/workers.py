@@ -20,11 +20,34 @@ from repaint_cli.activity import doing, progress
 from repaint_cli.errors import RepaintError
 from repaint_cli.runs.carry_out import carry_out
 from repaint_cli.runs.estimate import Estimate, estimate
-from repaint_cli.runs.owner import new_run
+from repaint_cli.runs.owner import begun_run
 from repaint_cli.runs.plan import Plan
+from repaint_cli.threads import cores
 
 GRACE_SECONDS = 5.0
 """For a process to end when asked; then it is killed, which loses no finished iteration."""
+
+
+def threads_of(jobs: int) -> int:
+    """Return how many threads each of several jobs has."""
+    return max(1, cores() // jobs)
+
+
+def train_all(plans: Sequence[Plan], jobs: int) -> Iterator[Path]:
+    """Carry out plans, as many at a time as there are jobs; yield folders as they finish.
+
+    A plan whose folder holds a run goes on with it. Several jobs are processes, which share the
+    cores evenly; a single one is this process.
+
+    Raises:
+        RepaintError: what stopped a run.
+    """
+    if jobs > 1:
+        yield from train_side_by_side(plans, jobs, threads=threads_of(jobs))
+        return
+    for plan in plans:
+        carry_out(begun_run(plan), finish_interrupted=False)
+        yield plan.folder
 
 
 def train_side_by_side(plans: Sequence[Plan], jobs: int, threads: int) -> Iterator[Path]:
@@ -152,7 +175,7 @@ def _ended(plan: Plan, code: int) -> str:
 
 
 def _train(plan: Plan) -> None:
-    carry_out(new_run(plan), finish_interrupted=False)
+    carry_out(begun_run(plan), finish_interrupted=False)
 
 
 JOBS: dict[str, Callable[[Plan], Estimate | None]] = {"train": _train, "measure": estimate}

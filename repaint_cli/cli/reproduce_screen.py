@@ -1,0 +1,115 @@
+"""What `repaint reproduce run` does and shows."""
+
+from collections.abc import Iterable, Sequence
+from itertools import groupby
+
+from rich.console import Console
+from rich.table import Table
+
+from repaint_cli.cli.console import literal
+from repaint_cli.cli.live import live
+from repaint_cli.cli.printing import out, print_written
+from repaint_cli.cli.reproduce_options import ReproduceOptions
+from repaint_cli.experiments.files import ALL, list_experiments, read_experiment
+from repaint_cli.experiments.reproduce import Follower, Outlook, Reproduced, reproduce
+from repaint_cli.experiments.schema import Experiment
+from repaint_cli.experiments.tables import HEADS, MEANING, cells, summary
+from repaint_cli.experiments.training import Trained
+from repaint_cli.files.commands import command
+from repaint_cli.runs.comparison_words import duration
+
+NARROW = (1, 3, 4, 5, 6)
+"""The columns of an experiment's table that 80 columns have room for: variant … area."""
+
+
+def carry_out(options: ReproduceOptions) -> None:
+    """Carry out the experiments that are named, and print their numbers."""
+    screen = Console(stderr=True, soft_wrap=True, highlight=False)
+    experiments = _named(options, screen)
+    with live(screen):
+        reproduce(
+            experiments, options.scale.value, options.into, options.jobs, _Printer(screen),
+            options.replace,
+        )  # fmt: skip
+
+
+def _named(options: ReproduceOptions, screen: Console) -> list[Experiment]:
+    """Return the experiments that are named, each once; of all those that have the scale."""
+    found: dict[str, Experiment] = {}
+    left_out = []
+    for name in options.names:
+        for one in list_experiments() if name == ALL else [read_experiment(name)]:
+            if name == ALL and options.scale.value not in one.scale_names:
+                left_out.append(one.name)
+            else:
+                found[one.name] = one
+    if left_out:
+        screen.print(f"left out, without a scale {options.scale}: {', '.join(left_out)}")
+    return list(found.values())
+
+
+class _Printer(Follower):
+    """Prints what is to come, each run that is finished, and each experiment's numbers."""
+
+    def __init__(self, screen: Console) -> None:
+        self._screen = screen
+
+    def begin(self, outlooks: Sequence[Outlook]) -> None:
+        for outlook in outlooks:
+            self._screen.print(literal(_line(outlook)))
+        if len(outlooks) > 1:
+            runs, seconds = sum(o.left for o in outlooks), sum(o.seconds for o in outlooks)
+            self._screen.print(f"all: {runs} runs to train, about {duration(seconds)} on two cores")
+
+    def trained(self, trained: Trained) -> None:
+        run = trained.run
+        self._screen.print(
+            f"{trained.done} of {trained.total}: {literal(run.label)}, wrote "
+            f"[bold]{literal(run.folder)}/[/bold]"
+        )
+
+    def finish(self, reproduced: Reproduced) -> None:
+        experiment, scale = reproduced.planned.experiment, reproduced.planned.scale
+        no_result = "; a trial, no result" if scale == "smoke" else ""
+        out.print(
+            f"[bold]{experiment.name}[/bold] ({literal(experiment.item)}), {scale}{no_result}"
+        )
+        if experiment.table == "rows":
+            self._rows(reproduced)
+        else:
+            heads, lines = summary(reproduced.rows, time=experiment.table == "time")
+            _print(heads, lines)
+        for warning in reproduced.warnings:
+            out.print(f"[yellow]warning:[/yellow] {literal(warning)}", soft_wrap=False)
+        out.print(literal(MEANING), soft_wrap=False)
+        forms = {"smoke": "repaint reproduce {} --scale night"}
+        form = forms.get(scale, "repaint reproduce copy {} my.toml")
+        print_written(reproduced.written, command(form, experiment.name))
+
+    def _rows(self, reproduced: Reproduced) -> None:
+        """Print a table for each panel."""
+        for panel, rows in groupby(reproduced.rows, key=lambda row: row.panel):
+            own = list(rows)
+            goal = "" if own[0].target is None else f", target {own[0].target:.4g}"
+            out.print(literal(f"{panel}{goal}"))
+            _print([HEADS[i] for i in NARROW], [[cells(row)[i] for i in NARROW] for row in own])
+
+
+def _print(heads: Sequence[str], lines: Iterable[Sequence[str]]) -> None:
+    table = Table(*heads, box=None, pad_edge=False, padding=(0, 2, 0, 0))
+    for line in lines:
+        table.add_row(*(literal(text.replace(", ", ",")) for text in line))
+    out.print(table, soft_wrap=False)
+
+
+def _line(outlook: Outlook) -> str:
+    """Say what an experiment will train and how long that takes."""
+    planned = outlook.planned
+    runs = planned.all_runs()
+    seeds = max(len(run.seeds) for run in planned.runs())
+    iterations = max(run.card.ppo.n_iterations for run in planned.runs())
+    return (
+        f"{planned.experiment.name} ({planned.experiment.item}), {planned.scale}: {len(runs)} runs "
+        f"of {seeds} seeds × {iterations:,} iterations, {outlook.left} to train, about "
+        f"{duration(outlook.seconds)} on two cores"
+    )

@@ -1,0 +1,159 @@
+"""The results of `repaint reproduce` in docs/results.md, from CSVs that are committed.
+
+    python tools/results.py collect reproduce    # copy finished experiments' CSVs from there
+    python tools/results.py                      # write the section of docs/results.md from them
+
+What is of the scale smoke is no result and is not collected. A text beside a CSV, with the suffix
+.md, stands under its table: why our numbers are others than the paper's, and what was tried.
+"""
+
+import shutil
+import sys
+import textwrap
+from collections.abc import Iterator
+from pathlib import Path
+
+from repaint_cli.errors import RepaintError, StoreError
+from repaint_cli.experiments.estimates import hours_of
+from repaint_cli.experiments.files import list_experiments
+from repaint_cli.experiments.folder import ExperimentFolder, ExperimentRecord
+from repaint_cli.experiments.measures import MeasuredRow, rows_of
+from repaint_cli.experiments.results import read_curves
+from repaint_cli.experiments.schema import SCALES, Experiment
+from repaint_cli.experiments.tables import MEANING, MORE, markdown
+
+ROOT = Path(__file__).parents[1]
+RESULTS = ROOT / "benchmarks" / "results" / "reproduce"
+PAGE = ROOT / "docs" / "results.md"
+BEGIN, END = "<!-- by tools/results.py -->\n", "<!-- end of tools/results.py -->\n"
+WIDTH = 120
+"""Of the page's lines, in characters."""
+REAL = tuple(scale for scale in SCALES if scale != "smoke")
+
+INTRO = """## The paper's experiments
+
+`repaint reproduce NAME --scale night` or `paper` trains what a figure or table of the paper needs,
+draws it, and puts our numbers beside the paper's; `repaint reproduce list` shows them all. The
+settings are the paper's (tables 3 and 4). `python tools/results.py` wrote this section from CSVs,
+`benchmarks/results/` has one for each experiment and scale that was run.
+"""
+
+
+def csv_of(experiment: Experiment, scale: str) -> Path:
+    """Return where the curves of an experiment are committed."""
+    return RESULTS / f"{experiment.name}.{scale}.csv"
+
+
+def collect(into: Path) -> Iterator[Path]:
+    """Copy the curves and records of finished experiments; yield the CSVs.
+
+    Raises:
+        StoreError: a record in a folder of results is of the scale smoke.
+    """
+    for experiment in list_experiments():
+        for scale in REAL:
+            folder = ExperimentFolder(into / scale / experiment.name)
+            if experiment.gathers or not folder.record.is_file():
+                continue
+            record = ExperimentRecord.read(folder.record)
+            if record.scale != scale:
+                raise StoreError(f"{folder.path} is of the scale {record.scale}: no result")
+            if record.finished:
+                path = csv_of(experiment, scale)
+                path.parent.mkdir(parents=True, exist_ok=True)
+                shutil.copyfile(folder.curves, path)
+                shutil.copyfile(folder.record, path.with_suffix(".json"))
+                yield path
+
+
+def section() -> str:
+    """Return the section of the page."""
+    experiments = list_experiments()
+    known = {
+        (one.name, scale): rows
+        for one in experiments
+        for scale in REAL
+        if not one.gathers and (rows := rows_at(one, scale))
+    }
+    parts = [INTRO]
+    for one in experiments:
+        for scale in reversed(REAL):
+            own = known.get((one.name, scale), [])
+            gathered = [row for name in one.gathers for row in known.get((name, scale), [])]
+            if rows := own + [row for row in gathered if row.paper]:
+                parts.append("\n".join(_part(one, scale, rows)))
+    parts.append("\n".join(_not_run(experiments)))
+    return "\n".join(parts)
+
+
+def rows_at(experiment: Experiment, scale: str) -> list[MeasuredRow]:
+    """Return the rows of an experiment's table, none where nothing is committed."""
+    path = csv_of(experiment, scale)
+    if not path.is_file():
+        return []
+    return [row for panel in read_curves(path, experiment) for row in rows_of(panel)]
+
+
+def _part(experiment: Experiment, scale: str, rows: list[MeasuredRow]) -> Iterator[str]:
+    yield f"### {experiment.name}, {scale} ({experiment.item})"
+    yield ""
+    yield experiment.summary
+    if experiment.claim:
+        yield textwrap.fill(f"The paper: {experiment.claim}", WIDTH)
+    yield ""
+    if not experiment.gathers:
+        record = ExperimentRecord.read(csv_of(experiment, scale).with_suffix(".json"))
+        yield textwrap.fill(
+            f"`{record.command}`: {record.seeds} seeds × {record.iterations:,} iterations, "
+            f"{record.precision}, {record.hours:.1f} hours on {record.hardware}, repaint "
+            f"{record.versions.get('repaint-rl', '?')}, {record.date}.",
+            WIDTH,
+        )
+        yield ""
+    yield from markdown(rows, experiment.table)
+    yield ""
+    note = csv_of(experiment, scale).with_suffix(".md")
+    if note.is_file():
+        yield note.read_text(encoding="utf-8")
+
+
+def _not_run(experiments: list[Experiment]) -> Iterator[str]:
+    yield "### What each column is, and what was not run"
+    yield ""
+    yield textwrap.fill(f"{MEANING}; {MORE}.", WIDTH)
+    yield ""
+    yield "Not run yet, and about how many hours it takes on two cores, shared runs counted:"
+    yield ""
+    yield "| experiment | scale | hours | command |"
+    yield "|---|---|---:|---|"
+    for experiment in experiments:
+        for scale in experiment.scale_names:
+            if experiment.gathers or scale == "smoke" or csv_of(experiment, scale).is_file():
+                continue
+            call = f"repaint reproduce {experiment.name} --scale {scale}"
+            yield f"| {experiment.name} | {scale} | {hours_of(experiment, scale):.1f} | `{call}` |"
+
+
+def with_section(page: str) -> str:
+    """Return a page with the section in its place."""
+    before, begin, rest = page.partition(BEGIN)
+    _, end, after = rest.partition(END)
+    if not begin or not end:
+        raise StoreError(f"expected the lines {BEGIN.strip()} and {END.strip()} in {PAGE}")
+    return f"{before}{BEGIN}{section()}\n{END}{after}"
+
+
+def main(words: list[str]) -> None:
+    """Collect, or write the section."""
+    try:
+        if words[:1] == ["collect"]:
+            for path in collect(Path(words[1])):
+                print(path.relative_to(ROOT))
+        else:
+            PAGE.write_text(with_section(PAGE.read_text(encoding="utf-8")), encoding="utf-8")
+    except RepaintError as error:
+        sys.exit(f"error: {error}")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
