@@ -16,7 +16,7 @@ from repaint_cli.learn.transfer.measurements import Measurements
 from repaint_cli.learn.transfer.teachers import Teacher
 from repaint_cli.policies.weights import load, load_policy, policy_tensors, save
 from repaint_cli.runs.checkpoint import load_learner, load_networks, save_learner
-from repaint_cli.transfer_settings import TransferConfig
+from repaint_cli.tasks.transfer_settings import TransferConfig
 
 TASKS = pytest.mark.parametrize("make", [reach, guess])
 

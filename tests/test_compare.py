@@ -247,6 +247,19 @@ def test_many_seeds_that_agree_are_ahead():
     assert sentence.startswith("repaint is ahead of scratch: its mean return is ")
 
 
+def test_a_seed_that_ran_away_is_named_with_its_area(monkeypatch):
+    curves = [[0, k, 2 + k / 10] for k in range(5)]
+    lost = run("scratch", *curves, [0, -90, -90], seed=100)
+    compared, rows = standings(lost, run("repaint", *curves, [0, 2, 2], seed=100))
+    assert rows["repaint"].runaways == ()
+    ((seed, area, middle),) = rows["scratch"].runaways
+    assert (seed, area) == (105, pytest.approx(-67.5))
+    assert -1 < middle < 4
+    said = " ".join(printed(compared, monkeypatch).split())
+    assert "seed 105 of scratch ran away from the others: its area is -67.5, the median's" in said
+    assert as_row(rows["scratch"])["runaways"] == [105]
+
+
 def test_area_over_steps_is_over_those_that_all_seeds_have():
     longer = run("repaint", [0, 4, 4, 4, 4], [2, 4, 4, 4, 4], [1, 4, 4, 4, 4], steps=200)
     compared, rows = standings(SLOW, longer)

@@ -13,7 +13,7 @@ from repaint_cli.errors import CardError
 from repaint_cli.settings import PPOConfig, Settings
 from repaint_cli.tasks.card import TaskCard
 from repaint_cli.tasks.methods import METHODS
-from repaint_cli.transfer_settings import SelectConfig, TransferConfig
+from repaint_cli.tasks.transfer_settings import SelectConfig, TransferConfig
 from repaint_cli.zoo.teacher_card import Score, TeacherCard
 
 RECORDS = [part for part in vars(settings).values() if isinstance(part, type)]

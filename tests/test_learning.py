@@ -9,7 +9,7 @@ from repaint_cli.learn.evaluation import evaluate
 from repaint_cli.policies import weights
 from repaint_cli.policies.networks import ActorCritic
 from repaint_cli.tasks.methods import METHODS
-from repaint_cli.transfer_settings import TransferConfig
+from repaint_cli.tasks.transfer_settings import TransferConfig
 
 SEEDS = list(range(8))
 TRANSFER = TransferConfig(kickstart_coef=1.0, teacher_min_std=0.4)

@@ -22,7 +22,7 @@ from repaint_cli.learn.ppo import train
 from repaint_cli.learn.transfer.measurements import Measurements, mean_and_error
 from repaint_cli.runs.plan import Plan
 from repaint_cli.tasks.methods import METHODS
-from repaint_cli.transfer_settings import TransferConfig
+from repaint_cli.tasks.transfer_settings import TransferConfig
 
 
 def returns(*means, spread=0.0, n=4):

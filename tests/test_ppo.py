@@ -29,7 +29,7 @@ from repaint_cli.learn.transfer.teachers import soften
 from repaint_cli.learn.update import epochs
 from repaint_cli.policies.networks import ActorCritic
 from repaint_cli.tasks.methods import METHODS
-from repaint_cli.transfer_settings import TransferConfig
+from repaint_cli.tasks.transfer_settings import TransferConfig
 
 TASKS = pytest.mark.parametrize("make", [reach, guess])
 NOTHING = 1e9

@@ -24,7 +24,7 @@ from repaint_cli.learn.q_learning import (
     train,
 )
 from repaint_cli.learn.rollout.observations import Observations
-from repaint_cli.transfer_settings import QLearningConfig
+from repaint_cli.tasks.transfer_settings import QLearningConfig
 
 Q = {"memory": 500, "gradient_steps": 20, "epsilon_iterations": 2}
 

@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose
 from repaint_cli.learn.rollout.observations import Observations
 from repaint_cli.learn.rollout.transitions import Transitions
 from repaint_cli.learn.transfer.relevance import relevance
-from repaint_cli.transfer_settings import SelectConfig
+from repaint_cli.tasks.transfer_settings import SelectConfig
 
 
 def moves(*batches):

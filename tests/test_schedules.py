@@ -10,7 +10,7 @@ from repaint_cli.learn.transfer.schedules import (
 )
 from repaint_cli.settings import PPOConfig
 from repaint_cli.tasks.methods import METHODS
-from repaint_cli.transfer_settings import SelectConfig, TransferConfig
+from repaint_cli.tasks.transfer_settings import SelectConfig, TransferConfig
 
 LETTERS = {"ppo": "p", "critic": "c", "representation": "R", "instance": "I", "joint": "J"}
 

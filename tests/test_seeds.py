@@ -8,7 +8,7 @@ from small_tasks import guess, reach
 
 from repaint_cli.learn.evaluation import evaluate
 from repaint_cli.learn.seeding import Purpose, env_seeds, generator
-from repaint_cli.transfer_settings import TransferConfig
+from repaint_cli.tasks.transfer_settings import TransferConfig
 
 SEEDS = [0, 1, 2, 3, 4]
 TASKS = {

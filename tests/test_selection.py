@@ -18,7 +18,7 @@ from repaint_cli.learn.transfer.selection import (
     select,
     standardize,
 )
-from repaint_cli.transfer_settings import SelectConfig
+from repaint_cli.tasks.transfer_settings import SelectConfig
 
 NAN = float("nan")
 numbers = st.floats(-100, 100, width=32)

@@ -7,6 +7,7 @@ from repaint_cli.report.statistics import (
     area_under_curve,
     bootstrap_mean,
     converged_score,
+    far_off,
     interquartile_mean,
     interquartile_mean_of,
     iteration_of_mean,
@@ -135,3 +136,13 @@ def test_the_area_over_steps_is_that_of_straight_lines():
 def test_a_run_converged_to_the_last_fifth_of_its_mean():
     assert converged_score([[0.0] * 8 + [1.0, 2.0], [0.0] * 8 + [3.0, 4.0]]) == 2.5
     assert converged_score([[0.0, 7.0]]) == 7
+
+
+def test_numbers_that_lie_far_from_the_others():
+    assert far_off([1, 2, 3, 4, -40]).tolist() == [False] * 4 + [True]
+    assert not far_off([1, 2, 3, 4, 12]).any()  # six of their standard deviations
+    assert not far_off([1, 2, 3, -40]).any()  # too few to tell
+    assert not far_off([1, 1, 1, 1, 5]).any()  # nothing to compare with
+    assert not far_off([1, 2, 3, 4, np.nan]).any()
+    many = np.random.default_rng(0).normal(size=(10_000, 5))
+    assert np.mean([far_off(one).any() for one in many]) < 0.05

@@ -28,7 +28,7 @@ from repaint_cli.learn.transfer import instances as instances_module
 from repaint_cli.learn.transfer.teachers import Teacher, advise
 from repaint_cli.learn.update.objectives import instance_loss, representation_loss
 from repaint_cli.policies.distributions import Gaussian
-from repaint_cli.transfer_settings import SelectConfig
+from repaint_cli.tasks.transfer_settings import SelectConfig
 
 TASKS = pytest.mark.parametrize("make", [reach, guess])
 

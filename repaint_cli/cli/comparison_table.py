@@ -15,6 +15,7 @@ from repaint_cli.runs.comparison_words import (
     interval,
     needed,
     paper_alike,
+    ran_away,
     reduction,
     seeds_can_show,
     seeds_k,
@@ -153,6 +154,7 @@ def _sentences(comparison: Comparison, names: dict[str, str]) -> list[str]:
     alike = paper_alike(comparison, names) if several else None
     return [
         *verdicts(comparison, names),
+        *ran_away(comparison, names),
         *unreached(comparison),
         *seeds_can_show(comparison, names),
         *([f"by the paper's measure {alike}"] if alike else []),

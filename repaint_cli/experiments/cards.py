@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 from repaint_cli.experiments.schema import Scale
+from repaint_cli.runs.start import on_this_machine
 from repaint_cli.tasks.card import TaskCard
 from repaint_cli.tasks.presets import with_preset
 
@@ -10,24 +11,22 @@ SHORT_EPISODE = 30
 """Steps of an episode at the scale smoke, where a simulator has such a setting."""
 
 
-ONE_RATE = ("transfer.alpha_1=1", "transfer.alpha_2=1")
-"""The paper's tables give one learning rate, for samples of the student and of teachers alike."""
-
-
 def card_for(
     card: TaskCard, preset: str, scale: Scale, settings: Sequence[str], iterations: int
 ) -> TaskCard:
     """Return a task's card as an experiment trains it; what comes later outranks what is before.
+
+    Networks that read images compute in what is fastest here; a run keeps it.
 
     Raises:
         NotFound: there is no such setting.
         CardError: a value is out of range.
         UsageError: a setting is not `section.key=value`.
     """
-    basis = [*ONE_RATE] if preset else []
-    basis += [f"ppo.n_iterations={iterations}", *scale.settings]
+    basis = ["net.precision=auto", f"ppo.n_iterations={iterations}", *scale.settings]
     card = with_preset(card, preset or None).with_settings([*basis, *settings])
-    return card.with_settings(smoke_settings(card)) if scale.short else card
+    card = card.with_settings(smoke_settings(card)) if scale.short else card
+    return on_this_machine(card)
 
 
 def smoke_settings(card: TaskCard) -> list[str]:

@@ -33,7 +33,7 @@ from repaint_cli.policies.distributions import Categorical, Distribution
 from repaint_cli.policies.networks import ActorCritic
 from repaint_cli.policies.spaces import Spaces
 from repaint_cli.tasks.card import TaskCard
-from repaint_cli.transfer_settings import QLearningConfig
+from repaint_cli.tasks.transfer_settings import QLearningConfig
 
 
 def train(card: TaskCard, learner: Learner, course: Course) -> Iterator[IterationStats]:

@@ -17,6 +17,9 @@ Estimate = tuple[float, float, float]
 """A number and the ends of its 95 % interval, nan where there is none."""
 
 RESAMPLES = 10_000
+FAR, LEAST_OF_OUTLIERS = 10.0, 5
+"""How far a number lies from the others, in standard deviations, and of how many."""
+
 AT_ONCE = 500
 """Resamples that lie in memory together."""
 
@@ -125,6 +128,21 @@ def interquartile_mean_of(values: ArrayLike, level: float = 0.95) -> Estimate:
     error = winsorised.std(ddof=1) * np.sqrt(n) / left
     wide = float(stats.t.ppf((1 + level) / 2, left - 1) * error)
     return middle, middle - wide, middle + wide
+
+
+def far_off(values: ArrayLike) -> NDArray[np.bool_]:
+    """Return which of some numbers lie far from the others, (R,): such seeds have run away.
+
+        |xᵢ − m| > 10·1.4826·median |xⱼ − m|,   m the median
+
+    That is ten standard deviations of the others, if these are normal. Fewer than 5 show none.
+    """
+    numbers = _vector(values)
+    if len(numbers) < LEAST_OF_OUTLIERS or np.isnan(numbers).any():
+        return np.zeros(len(numbers), np.bool_)
+    gaps = np.abs(numbers - np.median(numbers))
+    spread = 1.4826 * np.median(gaps)
+    return np.asarray((gaps > FAR * spread) & (spread > 0))
 
 
 def iteration_of_mean(returns: ArrayLike, target: float) -> float:

@@ -106,6 +106,17 @@ def _earlier(reduced: float) -> str:
     return f"{reduced:.0%} earlier" if reduced >= 0 else f"{-reduced:.0%} later"
 
 
+def ran_away(comparison: "Comparison", names: Mapping[str, str] | None = None) -> list[str]:
+    """Say of each seed that lies far from the others that its run's means hold it all the same."""
+    called = names or {row.label: row.label for row in comparison.standings}
+    return [
+        f"seed {seed} of {called[row.label]} ran away from the others: its area is {short(area)}, "
+        f"the median's {short(middle)}; the means count it in full"
+        for row in comparison.standings
+        for seed, area, middle in row.runaways
+    ]
+
+
 def unreached(comparison: "Comparison") -> list[str]:
     """Say of each target that no seed of any run reached."""
     return [

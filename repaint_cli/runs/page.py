@@ -11,6 +11,7 @@ from repaint_cli.runs import page_tables
 from repaint_cli.runs.comparison import Comparison
 from repaint_cli.runs.comparison_words import (
     paper_alike,
+    ran_away,
     seeds_can_show,
     unreached,
     verdicts,
@@ -49,7 +50,7 @@ def write_page(
     more = len(alarms) - MOST_ALARMS
     common = Values(
         version=__version__,
-        verdicts=verdicts(comparison),
+        verdicts=[*verdicts(comparison), *ran_away(comparison)],
         curves_note=note_of(runs),
         scores_heads=scores_heads,
         scores=scores,

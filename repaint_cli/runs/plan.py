@@ -19,7 +19,7 @@ from repaint_cli.runs.record import RunRecord, TeacherRecord
 from repaint_cli.runs.teachers import RunTeachers, load_teachers
 from repaint_cli.tasks.card import TaskCard
 from repaint_cli.tasks.methods import METHODS
-from repaint_cli.transfer_settings import TransferConfig
+from repaint_cli.tasks.transfer_settings import TransferConfig
 from repaint_cli.zoo import store
 
 

@@ -1,6 +1,6 @@
 """One run's numbers beside a reference: what it earned, how far it is ahead, when it arrived."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +12,7 @@ from repaint_cli.report.statistics import (
     Floats,
     area_by_steps,
     area_under_curve,
+    far_off,
     interquartile_mean_of,
     iteration_of_mean,
     iterations_to,
@@ -95,6 +96,8 @@ class Standing(Arrival):
     """Interquartile mean of the last of these evaluations, or the mean of fewer than 4 seeds."""
     final_each: tuple[float, ...]
     """That evaluation of each seed."""
+    runaways: tuple[tuple[int, float, float], ...]
+    """Seeds whose area lies far from the others': the seed, its area, and the median's."""
     targets: tuple[SeedArrivals, ...]
     """By target, ascending."""
     against: Against | None
@@ -134,12 +137,20 @@ def standing_of(label: str, run: RecordedRun, basis: Basis) -> Standing:
         first=mean_of(own["first"]), area=mean_of(own["area"]),
         area_by_steps=mean_of(own["area_by_steps"]), best=float(np.nanmax(part.returns.mean(0))),
         final=interquartile_mean_of(own["final"]), final_each=tuple(own["final"]),
+        runaways=runaways(run.seeds, own["area"]),
         targets=tuple(
             seeds_to(part, None if alone else reference, target, share)
             for target, share in basis.targets.items()
         ),
         against=against,
     )  # fmt: skip
+
+
+def runaways(seeds: Sequence[int], areas: Floats) -> tuple[tuple[int, float, float], ...]:
+    """Return the seeds whose area (S,) lies far from the others', with it and the median's."""
+    middle = float(np.median(areas))
+    pairs = zip(seeds, areas.tolist(), far_off(areas), strict=True)
+    return tuple((seed, area, middle) for seed, area, far in pairs if far)
 
 
 def _numbers(run: RecordedRun, basis: Basis) -> dict[str, Floats]:

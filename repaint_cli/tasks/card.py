@@ -14,7 +14,7 @@ from repaint_cli.settings import UNKNOWN_KEY, Settings, first_problem
 from repaint_cli.tasks.recipe import Recipe
 from repaint_cli.tasks.setting_names import did_you_mean, same_settings
 from repaint_cli.tasks.task import Task
-from repaint_cli.transfer_settings import TransferConfig
+from repaint_cli.tasks.transfer_settings import TransferConfig
 
 if TYPE_CHECKING:
     from repaint_cli.envs.logs import LoggedRun

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 from repaint_cli.errors import NotFound, UsageError
 
 if TYPE_CHECKING:
-    from repaint_cli.transfer_settings import TransferConfig
+    from repaint_cli.tasks.transfer_settings import TransferConfig
 
 
 @dataclass(frozen=True)

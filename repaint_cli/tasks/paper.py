@@ -22,6 +22,8 @@ EVERYWHERE: Numbers = {  # sections 3 and 4, algorithms 1 and 2, appendix B.2
     "ppo.advantages": "after",
     "transfer.representation": 1,
     "transfer.instance": 1,
+    "transfer.alpha_1": 1.0,  # it names one learning rate
+    "transfer.alpha_2": 1.0,
     "transfer.kickstart_coef": 0.2,
     "transfer.kickstart_decay": 0.95,
     "transfer.kickstart_schedule": "geometric",

@@ -4,7 +4,7 @@ from pydantic import Field
 
 from repaint_cli.policies.architecture import NetConfig
 from repaint_cli.settings import EvalConfig, PPOConfig, Settings
-from repaint_cli.transfer_settings import QLearningConfig, SelectConfig, TransferConfig
+from repaint_cli.tasks.transfer_settings import QLearningConfig, SelectConfig, TransferConfig
 
 
 class Recipe(Settings):

@@ -11,7 +11,7 @@ import torch
 from torch import Tensor
 
 from repaint_cli.learn.rollout.transitions import Transitions
-from repaint_cli.transfer_settings import SelectConfig
+from repaint_cli.tasks.transfer_settings import SelectConfig
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 from typing import Literal
 
 from repaint_cli.settings import PPOConfig
-from repaint_cli.transfer_settings import SelectConfig, TransferConfig
+from repaint_cli.tasks.transfer_settings import SelectConfig, TransferConfig
 
 Phase = Literal["ppo", "critic", "representation", "instance", "joint"]
 """Plain PPO, the critic alone, kickstarting, instance transfer, or both of the last in one."""

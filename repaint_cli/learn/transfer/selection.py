@@ -12,7 +12,7 @@ from torch import Tensor
 
 from repaint_cli.learn.rollout.batches import front, row_sums
 from repaint_cli.learn.rollout.gae import Samples
-from repaint_cli.transfer_settings import SelectConfig
+from repaint_cli.tasks.transfer_settings import SelectConfig
 
 Moments = tuple[Tensor, Tensor]
 """Mean and standard deviation of a batch of advantages, (S, 1) each."""

@@ -11,7 +11,7 @@ from repaint_cli.learn.rollout.collect import Policy
 from repaint_cli.learn.rollout.gae import Samples, describe
 from repaint_cli.policies.distributions import Distribution, mixture
 from repaint_cli.policies.networks import ActorCritic
-from repaint_cli.transfer_settings import TransferConfig
+from repaint_cli.tasks.transfer_settings import TransferConfig
 
 
 @dataclass(frozen=True)
