@@ -229,8 +229,7 @@ def test_a_row_has_our_numbers_and_the_paper_s(tmp_path):
     assert scratch[3] == f"{k:.0f} (173)"
     assert repaint[3] == f"{ours:.0f} (42)"
     assert scratch[4] == ""
-    assert repaint[4].startswith(f"{1 - ours / k:.0%} [")
-    assert repaint[4].endswith("] (76%)")
+    assert repaint[4] == f"{1 - ours / k:.0%} (76%)"
     assert repaint[5].endswith(" (-5.4)")
     assert scratch[5].endswith(" (-7.4)")
     assert repaint[8].endswith(" (0.4 h)")

@@ -309,7 +309,7 @@ def test_a_short_training_has_a_part_an_iteration_and_the_colours_have_a_top(dra
     plot_heatmap(training(3), **OVAL, path=tmp_path / "h.png", title="t")
     *panels, bar = drawn[0].axes
     titles = [axes.get_title() for axes in panels if axes.get_visible()]
-    assert [title.split(" · ")[0] for title in titles] == [f"iteration {k}" for k in (1, 2, 3)]
+    assert [title.split(" · ")[0] for title in titles] == ["iteration 1", "iteration 3"]
     ticks = bar.get_yticks()
     assert ticks[-1] == max(axes.collections[0].get_array().max() for axes in panels)
     assert (np.diff(np.log(ticks)) > 0.2).all()

@@ -45,12 +45,15 @@ def test_a_command_is_one_line_that_a_shell_reads_as_the_same_words(name):
 @pytest.mark.parametrize("name", ["-dash", "two\nlines and 'more'"])
 def test_what_is_printed_as_next_can_be_typed(repaint, home, name):
     said = repaint(*SCRATCH[: -len(QUICK) - 1], f"./{name}", *QUICK)
-    for verb in ("eval", "compare"):
+    for verb in ("eval", "open"):
         (line,) = (line for line in said.out.splitlines() if line.startswith("next: repaint "))
         words = words_of(line.removeprefix("next: repaint ").removesuffix(" --render-offscreen"))
         assert words[0] == verb
         said = repaint(*words)
         assert said.code == 0
+    said = repaint("compare", f"./{name}", "--report", name)
+    words = words_of(said.out.splitlines()[-1].removeprefix("next: repaint "))
+    assert (words[0], repaint(*words).code) == ("open", 0)
 
 
 def test_an_export_leaves_a_page_of_the_user_alone(repaint, home):

@@ -110,7 +110,7 @@ def complete(words, **env):
 
 
 def test_a_shell_completes_names_without_slow_imports(home):
-    assert complete("repaint transfer --task racer-o") == (["racer-outer"], [])
+    assert complete("repaint transfer --task racer-o") == (["racer-outer", "racer-outer-soft"], [])
     assert complete("repaint transfer --method rep") == (["repaint", "repaint-joint"], [])
     add_teacher(home / "home" / "zoo", "racer-mine")
     names, slow = complete("repaint eval racer-")

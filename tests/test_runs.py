@@ -232,7 +232,7 @@ def test_ctrl_c_keeps_the_last_finished_iteration(repaint, home, monkeypatch, du
 
 
 def test_ctrl_c_before_the_first_iteration_ends_says_so(repaint, home, monkeypatch):
-    def stopped(*args):
+    def stopped(*args, **kwargs):
         raise KeyboardInterrupt
 
     monkeypatch.setattr(experiment, "evaluate", stopped)

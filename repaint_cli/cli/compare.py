@@ -26,7 +26,6 @@ def compare(options: CompareOptions) -> None:
     Examples:
         repaint compare runs/reacher/* --report report
         repaint compare --task reacher --teacher reacher-gentle --jobs 2
-        repaint compare --task reacher --methods scratch --aa
     """
     targets = parse_targets(options.target)
     check_together(options)

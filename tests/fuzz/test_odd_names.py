@@ -90,4 +90,4 @@ def test_a_runs_texts_do_nothing_to_a_terminal(repaint, home):
         run_of(home / name, record(state=TEXT), HEAD + rows((1, 0), (2, 0)))
     shown = harmless(repaint("compare", "[red]a", "[bold]b", "--output", "x.png"))
     assert "[red]a" in shown
-    assert "scratch ([bold]b) earned exactly" in shown
+    assert "run 2  scratch ([bold]b)" in shown

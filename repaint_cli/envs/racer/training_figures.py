@@ -163,12 +163,16 @@ def _plot_training_progress(axes: Axes, episodes: Sequence[TrainingEpisode]) -> 
 
 
 def _parts(episodes: Sequence[TrainingEpisode]) -> list[list[TrainingEpisode]]:
-    """Split a training by its iterations, in fewer parts where it has fewer."""
+    """Split a training by its iterations, in fewer parts where it has fewer.
+
+    Parts in which only teachers drove are left out.
+    """
     last = max((k for k, _ in episodes), default=1)
     n = min(PARTS, last)
-    return [
+    parts = [
         [(k, trace) for k, trace in episodes if n * (k - 1) // last == part] for part in range(n)
     ]
+    return [part for part in parts if part] or [[]]
 
 
 def _visits(part: Sequence[TrainingEpisode], edges: list[Floats]) -> Floats:
