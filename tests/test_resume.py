@@ -57,8 +57,9 @@ def assert_same(folder, other):
 
 @pytest.mark.parametrize(
     ("kind", "kills"),
-    [("repaint", 50), ("compiled", 4), ("auto", 8), ("relevance", 8), ("q-learning", 8),
-     ("continued", 8), ("racer", 6)],
+    [("repaint", 12), pytest.param("repaint", 50, marks=pytest.mark.slow), ("compiled", 4),
+     ("auto", 8), ("relevance", 8), ("q-learning", 8), ("continued", 8), ("racer", 2),
+     pytest.param("racer", 6, marks=pytest.mark.slow)],
 )  # fmt: skip
 def test_a_run_killed_again_and_again_ends_as_an_undisturbed_one(tmp_path, kind, kills):
     (tmp_path / "calm").mkdir()
@@ -79,7 +80,12 @@ def test_a_run_killed_again_and_again_ends_as_an_undisturbed_one(tmp_path, kind,
 
 @pytest.mark.parametrize(
     ("kind", "share", "n_iterations"),
-    [("repaint", 0, 3), ("repaint", 0.5, 3), ("repaint", 1, 3), ("racer", 0.5, 2)],
+    [
+        ("repaint", 0, 3),
+        ("repaint", 0.5, 3),
+        ("repaint", 1, 3),
+        pytest.param("racer", 0.5, 2, marks=pytest.mark.slow),
+    ],
 )
 def test_a_run_killed_in_any_append_ends_as_an_undisturbed_one(tmp_path, kind, share, n_iterations):
     (tmp_path / "calm").mkdir()

@@ -48,6 +48,7 @@ JOBS = [
 ]  # fmt: skip
 
 
+@pytest.mark.slow
 def test_the_main_job_speaks_to_no_network_and_asks_no_shell(home):
     add_teacher(home / "home" / "zoo")
     for words in JOBS:
