@@ -58,7 +58,7 @@ def assert_same(folder, other):
 @pytest.mark.parametrize(
     ("kind", "kills"),
     [("repaint", 12), pytest.param("repaint", 50, marks=pytest.mark.slow), ("compiled", 4),
-     ("auto", 8), ("relevance", 8), ("q-learning", 8), ("continued", 8), ("racer", 2),
+     ("auto", 4), ("relevance", 3), ("q-learning", 4), ("continued", 4), ("racer", 2),
      pytest.param("racer", 6, marks=pytest.mark.slow)],
 )  # fmt: skip
 def test_a_run_killed_again_and_again_ends_as_an_undisturbed_one(tmp_path, kind, kills):
@@ -81,9 +81,9 @@ def test_a_run_killed_again_and_again_ends_as_an_undisturbed_one(tmp_path, kind,
 @pytest.mark.parametrize(
     ("kind", "share", "n_iterations"),
     [
-        ("repaint", 0, 3),
         ("repaint", 0.5, 3),
-        ("repaint", 1, 3),
+        pytest.param("repaint", 0, 3, marks=pytest.mark.slow),
+        pytest.param("repaint", 1, 3, marks=pytest.mark.slow),
         pytest.param("racer", 0.5, 2, marks=pytest.mark.slow),
     ],
 )
