@@ -63,14 +63,14 @@ def child_command(module: str, *words: str) -> list[str]:
 def cache_folder(kind: str) -> str:
     """Return the user's folder for what can be made anew, or "" where none can be written.
 
-    It is in $XDG_CACHE_HOME or ~/.cache, else in the temporary folder. Compiled code lies there: a
+    It is in $XDG_CACHE_HOME or ~/.cache, else in $TMPDIR, else in /tmp. Compiled code lies there: a
     folder that belongs to somebody else, or that others may write, is not taken.
     """
     cache = os.environ.get("XDG_CACHE_HOME", "")
     temporary = os.environ.get("TMPDIR", "")
     for parent, name in (
         (cache if os.path.isabs(cache) else os.path.expanduser("~/.cache"), "repaint"),
-        (temporary if os.path.isabs(temporary) else "/tmp", f"repaint-{_user()}"),
+        *((place, f"repaint-{_user()}") for place in (temporary, "/tmp") if os.path.isabs(place)),
     ):
         folder = os.path.join(parent, name)
         inner = os.path.join(folder, kind)
