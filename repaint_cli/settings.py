@@ -104,8 +104,8 @@ class PPOConfig(Settings):
     """Whether that KL is the largest over a minibatch's states, as the paper's text has TRPO's, or
     their mean."""
     weight_decay: float = Field(0.0, ge=0)
-    """Weight of the squared L2 norm of the weights, biases and log σ not counted, in the loss: so
-    much of a weight is added to its gradient."""
+    """Weight of half the squared L2 norm of the weights, biases and log σ not counted, in the loss:
+    so much of a weight is added to its gradient."""
     ent_coef: float = Field(1e-4, ge=0)
     """Weight of the entropy bonus."""
     vf_coef: float = Field(0.5, gt=0)

@@ -59,7 +59,7 @@ def kl_loss(policy: Distribution, batch: Samples, spec: UpdateSpec) -> Tensor | 
     The paper's TRPO has the "maximum KL divergence computed over states" (appendix A); here these
     are the states of a minibatch.
     """
-    if batch.behavior is None:
+    if batch.behavior is None or not batch.rows.shape[1]:  # a joint step may have no instances
         return 0.0
     kl = batch.behavior.cross_entropy(policy) - batch.behavior.entropy()  # (S, b)
     if spec.ppo.kl_over == "mean":
