@@ -101,13 +101,6 @@ def test_who_is_later_is_no_percentage(number, said):
     assert comparison_words.reduction(number) == said
 
 
-def test_of_many_seeds_the_ends_are_named():
-    assert comparison_words.each_seed([3, np.nan, 12]) == "3, never, 12"
-    assert comparison_words.each_seed([3, np.nan, 12, 5]) == "3-12, 1 never"
-    assert comparison_words.each_seed([3, 4, 12, 5]) == "3-12"
-    assert comparison_words.each_seed([np.nan] * 4) == "4 never"
-
-
 def test_the_reference_is_a_label_or_a_method_and_scratch_may_be_absent():
     runs = {"scratch": SLOW, "runs/b": QUICKER}
     assert reference_of(runs, "scratch") == "scratch"

@@ -6,7 +6,7 @@ import interval_coverage
 import numpy as np
 import pytest
 
-from repaint_cli.report.coverage import COVERAGE, coverage_of
+from repaint_cli.report.coverage import GROUPS, PAIRS, coverage_of
 from repaint_cli.report.pairs import better, welch_interval
 from repaint_cli.report.statistics import t_interval
 
@@ -63,14 +63,18 @@ def test_a_bootstrap_of_three_seeds_would_hold_it_in_75_of_100():
 
 
 def test_what_is_said_of_coverage_is_what_was_simulated():
-    kept = [row for row in interval_coverage.kept() if row["interval"] == "difference of pairs"]
-    for law in ("normal", "skewed"):
-        found = {int(r["seeds"]): float(r["coverage"]) for r in kept if r["law"] == law}
-        said = {n: getattr(one, law) for n, one in COVERAGE.items()}
-        assert {n: round(100 * value) for n, value in found.items()} == said
-    assert coverage_of(3) == COVERAGE[3]
-    assert coverage_of(9) == COVERAGE[7]
-    assert coverage_of(1000) == COVERAGE[20]
+    for kind, table in (("pairs", PAIRS), ("groups", GROUPS)):
+        kept = [
+            row for row in interval_coverage.kept() if row["interval"] == f"difference of {kind}"
+        ]
+        for law in ("normal", "skewed"):
+            simulated = {int(r["seeds"]): float(r["coverage"]) for r in kept if r["law"] == law}
+            stated = {n: getattr(one, law) for n, one in table.items()}
+            assert {n: round(100 * value) for n, value in simulated.items()} == stated
+    assert coverage_of(3) == PAIRS[3]
+    assert coverage_of(9) == PAIRS[7]
+    assert coverage_of(1000) == PAIRS[20]
+    assert coverage_of(4, paired=False) == GROUPS[4] != PAIRS[4]
 
 
 def test_the_simulation_can_be_repeated():

@@ -1,5 +1,6 @@
 """Experiments: the shipped files, the schema, the runs they plan; nothing is trained here."""
 
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,14 +11,15 @@ from small_runs import add_teacher
 from written_runs import climb, write_run
 
 from repaint_cli.errors import CardError, CheckpointError, NotFound, StoreError
-from repaint_cli.experiments import estimates, figures
+from repaint_cli.experiments import estimates, figures, results
 from repaint_cli.experiments.estimates import hours_of, seconds_left
 from repaint_cli.experiments.files import list_experiments, read_experiment
-from repaint_cli.experiments.folder import ExperimentFolder, ExperimentRecord, claim
-from repaint_cli.experiments.measures import rows_of, smoothed
+from repaint_cli.experiments.folder import ExperimentFolder, ExperimentRecord, own_folder
+from repaint_cli.experiments.measures import over_panels, rows_of, smoothed
+from repaint_cli.experiments.planned import INTO, PlannedRun
 from repaint_cli.experiments.planning import plan_experiment
 from repaint_cli.experiments.results import COLUMNS, MeasuredPanel, read_curves, write_curves
-from repaint_cli.experiments.tables import cells, markdown, nobody_reached, summary
+from repaint_cli.experiments.tables import cells, markdown, nobody_reached, over_markdown, summary
 from repaint_cli.files.paths import shipped
 from repaint_cli.runs.estimate import Estimate
 from repaint_cli.runs.plan import Plan
@@ -302,24 +304,24 @@ def test_a_folder_of_another_experiment_is_not_written(home):
     add_teacher(home / "home" / "zoo")
     (home / "mine.toml").write_text(small())
     planned = plan_experiment(read_experiment("mine.toml"), "smoke", home / "into")
-    claim(planned, replace=False)
-    assert not ExperimentRecord.read(claim(planned, replace=False).record).finished
+    own_folder(planned, replace=False)
+    assert not ExperimentRecord.read(own_folder(planned, replace=False).record).finished
     edited = small(target=3, variants='["scratch"]')
     (home / "mine.toml").write_text(edited)
-    claim(plan_experiment(read_experiment("mine.toml"), "smoke", home / "into"), replace=False)
+    own_folder(plan_experiment(read_experiment("mine.toml"), "smoke", home / "into"), replace=False)
     (home / "mine.toml").write_text(edited.replace("A small", "Quite another"))
     other = plan_experiment(read_experiment("mine.toml"), "smoke", home / "into")
     with pytest.raises(StoreError, match=r"mine is of another experiment, A small experiment\.; "):
-        claim(other, replace=False)
-    claim(other, replace=True)
+        own_folder(other, replace=False)
+    own_folder(other, replace=True)
     record = planned.folder / "experiment.json"
     record.write_text(record.read_text().replace('"schema_version": 1', '"schema_version": 9'))
     with pytest.raises(CheckpointError, match="another version of repaint: expected schema_vers"):
-        claim(other, replace=False)
+        own_folder(other, replace=False)
     record.unlink()
     Path(planned.folder / "notes.txt").write_text("mine")
     with pytest.raises(StoreError, match="is there and is no experiment's"):
-        claim(other, replace=False)
+        own_folder(other, replace=False)
 
 
 def test_hours_are_those_of_runs_that_are_trained_once():
@@ -344,3 +346,56 @@ def test_an_iteration_that_nobody_has_timed_is_measured_once_a_task(tmp_path, mo
     ]
     assert seconds_left(runs) == pytest.approx(len(runs) * (2 * 2 * 3.0 + estimates.RUN_SECONDS))
     assert measured == [("reacher", "scratch", [0]), ("racer-outer", "scratch", [0])]
+
+
+def test_the_command_of_an_experiment_names_its_file_and_its_place(home):
+    shutil.copy(shipped("experiments") / "reacher.toml", home / "mine.toml")
+    reacher = plan_experiment(read_experiment("reacher"), "smoke", INTO)
+    assert reacher.command() == "repaint reproduce reacher --scale smoke"
+    mine = plan_experiment(read_experiment("mine.toml"), "night", Path("a b"))
+    wanted = "repaint reproduce mine.toml --scale paper --into 'a b' --jobs 2"
+    assert mine.command("paper", jobs=2) == wanted
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ('gathers = ["ratio"]', "'mine' gathers no panel at the scale night"),
+        ('gathers = ["table-1"]', "'mine' gathers 'table-1', which gathers others; name those"),
+    ],
+)
+def test_an_experiment_that_gathers_nothing_is_refused(home, text, said):
+    (home / "mine.toml").write_text(f'summary = "Mine."\nitem = "none"\n{text}\n')
+    with pytest.raises(CardError, match=said):
+        plan_experiment(read_experiment("mine.toml"), "night", INTO)
+
+
+def test_a_run_is_another_where_a_file_that_it_reads_is(home):
+    shutil.copy(shipped("tasks") / "racer" / "tracks" / "oval.npy", home / "mine.npy")
+    (home / "mine.toml").write_text('extends = "racer-inner"\nenv.track = "mine.npy"\n')
+    card = read_task("mine.toml")
+    run = PlannedRun(card, "scratch", (0,), (), home, None)
+    before = run.key
+    np.save(home / "mine.npy", 1.01 * np.load(home / "mine.npy"))
+    assert run.key != before
+
+
+def test_curves_keep_whole_numbers_whole(tmp_path):
+    assert [results._cell(x) for x in (1_234_567.0, -7.25, 1 / 3, np.nan)] == [
+        "1234567", "-7.25", "0.333333333", "",
+    ]  # fmt: skip
+
+
+def test_numbers_over_all_panels_leave_out_those_where_scratch_did_not_learn(tmp_path):
+    panels = [a_panel(tmp_path / str(i), scratch=9.0, repaint=3.0) for i in range(2)]
+    (over,) = over_panels(panels).items()
+    assert over[0] == "repaint"
+    assert over[1].improvement[0] == 1  # each of its seeds is ahead
+    lines = list(over_markdown(dict([over])))
+    assert lines[2].startswith("| repaint | 2 | ")
+    falling = a_panel(tmp_path / "falling", scratch=9.0, repaint=3.0)
+    run = falling.runs["scratch"]
+    rows = dict(run.rows, eval_return=-run.returns)
+    falling.runs["scratch"] = replace(run, rows=rows)
+    assert over_panels([panels[0], falling]) == {}
+    assert list(over_markdown({})) == []

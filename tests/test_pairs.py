@@ -114,6 +114,7 @@ def test_so_many_seeds_have_the_power_that_was_asked_for(effect):
 
 
 def test_seeds_needed_ends_somewhere():
-    assert seeds_needed(50.0) == 3
+    assert seeds_needed(50.0) == 6  # with five p cannot be below 0.06
+    assert seeds_needed(50.0, paired=False) == 4
     assert seeds_needed(1e-3) == np.inf
     assert np.isnan(seeds_needed(0.0))

@@ -50,7 +50,7 @@ def test_an_experiment_is_trained_once_drawn_and_tabled(repaint, mine):
     assert sorted(path.name for path in folder.iterdir()) == sorted([*names, *figures])
     record = json.loads((folder / "experiment.json").read_text())
     assert (record["scale"], record["finished"], record["seeds"]) == ("smoke", True, 2)
-    assert record["command"] == "repaint reproduce mine --scale smoke"
+    assert record["command"] == "repaint reproduce mine.toml --scale smoke"
     assert len((folder / "curves.csv").read_text().splitlines()) == 1 + 2 * 2 * 2
     assert "no number here is a result" in (folder / "table.md").read_text()
     for runs in record["runs"].values():
@@ -74,7 +74,7 @@ def test_what_was_stopped_goes_on_and_a_teacher_is_made_first(repaint, mine, mon
         said = repaint("reproduce", "mine.toml", *SMOKE)
     is_a_line(
         said, StoreError.exit_code, "cannot write reproduce/runs/reacher-gentle-scratch-",
-        "finished runs are kept, go on with: repaint reproduce mine --scale smoke",
+        "finished runs are kept, go on with: repaint reproduce mine.toml --scale smoke",
     )  # fmt: skip
     (begun,) = (mine / "reproduce" / "runs").iterdir()
     said = repaint("reproduce", "mine.toml", *SMOKE)
@@ -133,7 +133,9 @@ def test_a_worker_that_is_killed_is_named_and_the_command_goes_on(repaint, mine)
         os.kill(worker_of(parent.pid), signal.SIGKILL)
         _, err = parent.communicate(timeout=60)
     said = SimpleNamespace(code=parent.returncode, err=err)
-    is_a_line(said, 1, "was killed (signal 9)", "go on with: repaint reproduce mine --scale night")
+    is_a_line(
+        said, 1, "was killed (signal 9)", "go on with: repaint reproduce mine.toml --scale night"
+    )
     done = subprocess.run(words, env=env, capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr
     assert "kickstart" in done.stdout

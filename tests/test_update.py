@@ -529,6 +529,14 @@ def test_a_kl_penalty_is_of_the_largest_or_the_mean_divergence_over_states(over)
     assert not compiled.applies_to(student, spec)
 
 
+def test_a_joint_step_without_instances_has_no_kl_of_theirs():
+    student, none = drawn(2), samples_of(0, 0)
+    behavior = Gaussian(torch.zeros(2, 0, 2), torch.zeros(2, 1, 2))
+    ppo = PPO.model_copy(update={"objective": "trpo"})
+    loss, _ = instance_loss(student, replace(none, behavior=behavior), spec_of(ppo))
+    assert_close(loss, torch.zeros(2))
+
+
 @pytest.mark.parametrize("objective", ["a2c", "reinforce"])
 def test_a_teachers_samples_are_weighed_by_the_likelihood_ratio(objective):
     student, samples = drawn(), samples_of(6)

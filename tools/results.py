@@ -34,14 +34,20 @@ INTRO = """## The paper's experiments
 
 `repaint reproduce NAME --scale night` or `paper` trains what a figure or table of the paper needs,
 draws it, and puts our numbers beside the paper's; `repaint reproduce list` shows them all. The
-settings are the paper's (tables 3 and 4). `python tools/results.py` wrote this section from CSVs,
-`benchmarks/results/` has one for each experiment and scale that was run.
+numbers of training are the paper's (`--preset paper`); seeds, iterations and the camera's network
+are those of the scale, in `experiments/*.toml`. `python tools/results.py` wrote this section from
+CSVs below `benchmarks/results/`, one for each experiment and scale that was run.
 """
 
 
 def csv_of(experiment: Experiment, scale: str) -> Path:
     """Return where the curves of an experiment are committed."""
     return RESULTS / f"{experiment.name}.{scale}.csv"
+
+
+def command_of(experiment: Experiment, scale: str) -> str:
+    """Return the command that makes the results of an experiment, wherever it was carried out."""
+    return f"repaint reproduce {experiment.name} --scale {scale}"
 
 
 def collect(into: Path) -> Iterator[Path]:
@@ -58,7 +64,9 @@ def collect(into: Path) -> Iterator[Path]:
             record = ExperimentRecord.read(folder.record)
             if record.scale != scale:
                 raise StoreError(f"{folder.path} is of the scale {record.scale}: no result")
-            if record.finished:
+            if record.definition != experiment.model_dump(mode="json"):
+                print(f"left out, of an earlier definition: {folder.path}", file=sys.stderr)
+            elif record.finished:
                 path = csv_of(experiment, scale)
                 path.parent.mkdir(parents=True, exist_ok=True)
                 shutil.copyfile(folder.curves, path)
@@ -104,9 +112,9 @@ def _part(experiment: Experiment, scale: str, rows: list[MeasuredRow]) -> Iterat
     if not experiment.gathers:
         record = ExperimentRecord.read(csv_of(experiment, scale).with_suffix(".json"))
         yield textwrap.fill(
-            f"`{record.command}`: {record.seeds} seeds × {record.iterations:,} iterations, "
-            f"{record.precision}, {record.hours:.1f} hours on {record.hardware}, repaint "
-            f"{record.versions.get('repaint-rl', '?')}, {record.date}.",
+            f"`{command_of(experiment, scale)}`: {record.seeds} seeds × {record.iterations:,} "
+            f"iterations, {record.precision}, {record.hours:.1f} hours on {record.hardware}, "
+            f"repaint {record.versions.get('repaint-rl', '?')}, {record.date}.",
             WIDTH,
         )
         yield ""
@@ -130,8 +138,8 @@ def _not_run(experiments: list[Experiment]) -> Iterator[str]:
         for scale in experiment.scale_names:
             if experiment.gathers or scale == "smoke" or csv_of(experiment, scale).is_file():
                 continue
-            call = f"repaint reproduce {experiment.name} --scale {scale}"
-            yield f"| {experiment.name} | {scale} | {hours_of(experiment, scale):.1f} | `{call}` |"
+            hours, call = hours_of(experiment, scale), command_of(experiment, scale)
+            yield f"| {experiment.name} | {scale} | {hours:.1f} | `{call}` |"
 
 
 def with_section(page: str) -> str:

@@ -11,6 +11,7 @@ from repaint_cli.files.commands import command
 
 if TYPE_CHECKING:
     from repaint_cli.envs.episodes import Episodes
+    from repaint_cli.runs.evaluate import Evaluation
     from repaint_cli.runs.find_policies import Policies
 
 PLAYED = "What to play"
@@ -92,8 +93,7 @@ def evaluate(options: EvaluateOptions) -> None:
     from repaint_cli.cli.episode_table import table
     from repaint_cli.cli.live import live
     from repaint_cli.cli.namesakes import print_notes
-    from repaint_cli.cli.printing import out, print_written
-    from repaint_cli.errors import RenderError, StoreError
+    from repaint_cli.cli.printing import out
     from repaint_cli.runs.evaluate import check_filmed
 
     def show(policies: "Policies", episodes: "Episodes") -> None:
@@ -117,14 +117,22 @@ def evaluate(options: EvaluateOptions) -> None:
             colour=options.colour or "",
             on_episodes=show,
         )
-        written, following = list(evaluation.written), _next_command(options, evaluation.policies)
-        if options.render_offscreen:
-            try:
-                written.append(evaluation.film(options.video_episodes))
-            except (RenderError, StoreError):
-                print_written(written, following)
-                raise
-        print_written(written, following)
+        _film(options, evaluation)
+
+
+def _film(options: EvaluateOptions, evaluation: "Evaluation") -> None:
+    """Film episodes if asked for; print what was written, and the next command."""
+    from repaint_cli.cli.printing import print_written
+    from repaint_cli.errors import RenderError, StoreError
+
+    written, following = list(evaluation.written), _next_command(options, evaluation.policies)
+    if options.render_offscreen:
+        try:
+            written.append(evaluation.film(options.video_episodes))
+        except (RenderError, StoreError):
+            print_written(written, following)
+            raise
+    print_written(written, following)
 
 
 def _next_command(options: EvaluateOptions, policies: "Policies") -> str:

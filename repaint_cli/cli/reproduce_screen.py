@@ -11,9 +11,17 @@ from repaint_cli.cli.live import live
 from repaint_cli.cli.printing import out, print_written
 from repaint_cli.cli.reproduce_options import ReproduceOptions
 from repaint_cli.experiments.files import ALL, list_experiments, read_experiment
-from repaint_cli.experiments.reproduce import Follower, Outlook, Reproduced, reproduce
+from repaint_cli.experiments.reproduce import ExperimentWatcher, Remaining, Reproduced, reproduce
 from repaint_cli.experiments.schema import Experiment
-from repaint_cli.experiments.tables import HEADS, MEANING, cells, summary
+from repaint_cli.experiments.tables import (
+    HEADS,
+    MEANING,
+    OVER_HEADS,
+    OVER_MEANING,
+    cells,
+    over_cells,
+    summary,
+)
 from repaint_cli.experiments.training import Trained
 from repaint_cli.files.commands import command
 from repaint_cli.runs.comparison_words import duration
@@ -35,30 +43,33 @@ def carry_out(options: ReproduceOptions) -> None:
 
 def _named(options: ReproduceOptions, screen: Console) -> list[Experiment]:
     """Return the experiments that are named, each once; of all those that have the scale."""
-    found: dict[str, Experiment] = {}
+    named: dict[str, Experiment] = {}
     left_out = []
     for name in options.names:
         for one in list_experiments() if name == ALL else [read_experiment(name)]:
             if name == ALL and options.scale.value not in one.scale_names:
                 left_out.append(one.name)
             else:
-                found[one.name] = one
+                named[one.name] = one
     if left_out:
         screen.print(f"left out, without a scale {options.scale}: {', '.join(left_out)}")
-    return list(found.values())
+    return list(named.values())
 
 
-class _Printer(Follower):
+class _Printer(ExperimentWatcher):
     """Prints what is to come, each run that is finished, and each experiment's numbers."""
 
     def __init__(self, screen: Console) -> None:
         self._screen = screen
 
-    def begin(self, outlooks: Sequence[Outlook]) -> None:
-        for outlook in outlooks:
-            self._screen.print(literal(_line(outlook)))
-        if len(outlooks) > 1:
-            runs, seconds = sum(o.left for o in outlooks), sum(o.seconds for o in outlooks)
+    def begin(self, remaining: Sequence[Remaining]) -> None:
+        for one in remaining:
+            self._screen.print(literal(_line(one)))
+        if len(remaining) > 1:
+            runs, seconds = (
+                sum(one.left for one in remaining),
+                sum(one.seconds for one in remaining),
+            )
             self._screen.print(f"all: {runs} runs to train, about {duration(seconds)} on two cores")
 
     def trained(self, trained: Trained) -> None:
@@ -79,12 +90,17 @@ class _Printer(Follower):
         else:
             heads, lines = summary(reproduced.rows, time=experiment.table == "time")
             _print(heads, lines)
+        if reproduced.over:
+            _print(OVER_HEADS, [over_cells(*one) for one in reproduced.over.items()])
+            out.print(literal(OVER_MEANING), soft_wrap=False)
         for warning in reproduced.warnings:
             out.print(f"[yellow]warning:[/yellow] {literal(warning)}", soft_wrap=False)
         out.print(literal(MEANING), soft_wrap=False)
-        forms = {"smoke": "repaint reproduce {} --scale night"}
-        form = forms.get(scale, "repaint reproduce copy {} my.toml")
-        print_written(reproduced.written, command(form, experiment.name))
+        following = command("repaint reproduce copy {} my.toml", experiment.file)
+        larger = experiment.scale_names[experiment.scale_names.index(scale) + 1 :]
+        if larger:
+            following = reproduced.planned.command(larger[0])
+        print_written(reproduced.written, following)
 
     def _rows(self, reproduced: Reproduced) -> None:
         """Print a table for each panel."""
@@ -102,14 +118,14 @@ def _print(heads: Sequence[str], lines: Iterable[Sequence[str]]) -> None:
     out.print(table, soft_wrap=False)
 
 
-def _line(outlook: Outlook) -> str:
+def _line(one: Remaining) -> str:
     """Say what an experiment will train and how long that takes."""
-    planned = outlook.planned
+    planned = one.planned
     runs = planned.all_runs()
     seeds = max(len(run.seeds) for run in planned.runs())
     iterations = max(run.card.ppo.n_iterations for run in planned.runs())
     return (
         f"{planned.experiment.name} ({planned.experiment.item}), {planned.scale}: {len(runs)} runs "
-        f"of {seeds} seeds × {iterations:,} iterations, {outlook.left} to train, about "
-        f"{duration(outlook.seconds)} on two cores"
+        f"of {seeds} seeds × {iterations:,} iterations, {one.left} to train, about "
+        f"{duration(one.seconds)} on two cores"
     )

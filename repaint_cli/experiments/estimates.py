@@ -6,7 +6,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from repaint_cli.activity import doing
-from repaint_cli.experiments.planning import PlannedRun, plan_experiment
+from repaint_cli.experiments.planned import PlannedRun
+from repaint_cli.experiments.planning import plan_experiment
 from repaint_cli.experiments.schema import Experiment
 from repaint_cli.runs.estimate import estimate
 

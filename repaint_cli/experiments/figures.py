@@ -9,7 +9,7 @@ import numpy as np
 from repaint_cli.activity import doing
 from repaint_cli.experiments.folder import ExperimentFolder
 from repaint_cli.experiments.measures import interval_of_mean, smoothed, target_of
-from repaint_cli.experiments.planning import PlannedExperiment
+from repaint_cli.experiments.planned import PlannedExperiment
 from repaint_cli.experiments.results import MeasuredPanel
 from repaint_cli.experiments.schema import Experiment
 from repaint_cli.report.panels import MOST_THIN, CurvePanel, Line, plot_panels
@@ -51,7 +51,7 @@ def draw_curves(
     title = f"{experiment.summary.rstrip('.')} ({experiment.item})\n{'; '.join(more)}".rstrip()
     rows = [[_panel(own, measure, over) for own in panels] for measure in experiment.show]
     banded = any(line.band for row in rows for panel in row for line in panel.lines)
-    few = max(len(run.seeds) for own in panels for run in own.runs.values()) <= MOST_THIN
+    few = 1 < max(len(run.seeds) for own in panels for run in own.runs.values()) <= MOST_THIN
     note = f"bold: mean of {seeds}" + "; thin: each seed" * few
     note += "; shaded: 95 % interval of the mean" if banded else ""
     written = []

@@ -68,10 +68,15 @@ def _find(name: str) -> Path:
     return known[name]
 
 
+def _typed(path: Path) -> str:
+    """Return how an experiment is named on a command line."""
+    return path.stem if path.parent == shipped("experiments") else str(path)
+
+
 def _read(path: Path) -> Experiment:
     with reported_as(CardError):
         data = read_toml(path)
     try:
-        return Experiment.model_validate({"name": path.stem} | data)
+        return Experiment.model_validate({"name": path.stem} | data | {"file": _typed(path)})
     except ValidationError as error:
         raise CardError(f"{path}: {first_problem(error)}") from error

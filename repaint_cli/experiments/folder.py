@@ -11,9 +11,8 @@ from typing import Any
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from repaint_cli.errors import CheckpointError, StoreError, reported_as
-from repaint_cli.experiments.planning import PlannedExperiment
+from repaint_cli.experiments.planned import PlannedExperiment
 from repaint_cli.files.atomic import as_json, write_text
-from repaint_cli.files.commands import command
 from repaint_cli.files.limits import read_json
 from repaint_cli.files.provenance import versions
 from repaint_cli.settings import first_problem
@@ -112,7 +111,7 @@ class ExperimentRecord(BaseModel):
         write_text(path, as_json(self.model_dump(mode="json")))
 
 
-def claim(planned: PlannedExperiment, replace: bool) -> ExperimentFolder:
+def own_folder(planned: PlannedExperiment, replace: bool) -> ExperimentFolder:
     """Return an experiment's folder, and put a record into it before anything is trained.
 
     An experiment stays the same when its variants, settings or scales are edited. The record of one
@@ -124,15 +123,16 @@ def claim(planned: PlannedExperiment, replace: bool) -> ExperimentFolder:
     """
     folder = ExperimentFolder(planned.folder)
     if folder.record.exists():
-        found = ExperimentRecord.read(folder.record)
-        same = _about(found.definition) == _about(_definition(planned))
+        before = ExperimentRecord.read(folder.record)
+        same = _about(before.definition) == _about(_definition(planned))
         if not (same or replace):
             raise StoreError(
-                f"{folder.path} is of another experiment, {found.definition.get('summary')!s:.60}; "
-                "name another folder with --into, or --replace it: no run is lost by that"
+                f"{folder.path} is of another experiment, "
+                f"{before.definition.get('summary')!s:.60}; name another folder with --into, or "
+                "--replace it: no run is lost by that"
             )
         done = all(run.left() is None for run in planned.all_runs())
-        if found.finished and done and found.definition == _definition(planned):
+        if before.finished and done and before.definition == _definition(planned):
             return folder
     elif folder.path.exists() and any(folder.path.iterdir()):
         raise StoreError(f"{folder.path} is there and is no experiment's; name another with --into")
@@ -158,15 +158,14 @@ def record_of(planned: PlannedExperiment, *, finished: bool) -> ExperimentRecord
     """
     runs = planned.runs()
     recorded = [run.read() for run in planned.all_runs()] if finished else []
-    name, scale = planned.experiment.name, planned.scale
     return ExperimentRecord(
-        experiment=name,
-        scale=scale,
-        command=command(f"repaint reproduce {{}} --scale {scale}", name),
+        experiment=planned.experiment.name,
+        scale=planned.scale,
+        command=planned.command(),
         finished=finished,
         definition=_definition(planned),
         runs={
-            panel.panel.title: {
+            panel.name_in(planned.experiment): {
                 variant: os.path.relpath(run.folder, planned.folder)
                 for variant, run in panel.runs.items()
             }

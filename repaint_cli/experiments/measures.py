@@ -1,17 +1,16 @@
 """The numbers of a panel. Every statistic that experiments use is asked for here."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from repaint_cli.experiments.results import MeasuredPanel
 from repaint_cli.experiments.schema import PaperNumbers
-from repaint_cli.report.statistics import Floats, bootstrap_mean
-from repaint_cli.runs.comparison import comparison_of, reference_of
+from repaint_cli.report.statistics import Floats, first_and_converged, t_interval
+from repaint_cli.runs.aggregate import Aggregated, Pair, aggregated
+from repaint_cli.runs.comparison import REFERENCE, Comparison, comparison_of, reference_of
 from repaint_cli.runs.standings import Standing
-
-REFERENCE = "scratch"
-"""The variant, or the method, that others of a panel are compared with."""
 
 LEAST_SEEDS = 3
 """Fewer show no interval."""
@@ -35,33 +34,55 @@ class MeasuredRow:
         return self.ours.label
 
 
+def compared(panel: MeasuredPanel) -> Comparison:
+    """Compare the variants of a panel with training from scratch."""
+    target = panel.panel.target
+    reference = reference_of(panel.runs, REFERENCE)
+    return comparison_of(panel.runs, reference, [] if target is None else [target])
+
+
 def rows_of(panel: MeasuredPanel) -> list[MeasuredRow]:
-    """Return a row for each variant of a panel, compared with training from scratch."""
-    reference, target = reference_of(panel.runs, REFERENCE), panel.panel.target
-    compared = comparison_of(panel.runs, reference, [] if target is None else [target])
+    """Return a row for each variant of a panel."""
+    comparison = compared(panel)
     return [
         MeasuredRow(
-            panel.experiment, panel.panel.title, standing, panel.panel.paper, compared.target,
-            reference not in (None, standing.label),
+            panel.experiment, panel.panel.title, standing, panel.panel.paper, comparison.target,
+            comparison.reference not in (None, standing.label),
         )
-        for standing in compared.standings
+        for standing in comparison.standings
     ]  # fmt: skip
+
+
+def over_panels(panels: Sequence[MeasuredPanel]) -> dict[str, Aggregated]:
+    """Return each variant's numbers over all panels in which training from scratch learned.
+
+    A variant needs two of them.
+    """
+    pairs: dict[str, list[Pair]] = {}
+    for panel in panels:
+        reference = reference_of(panel.runs, REFERENCE)
+        if reference is None or first_and_converged(panel.runs[reference].returns) is None:
+            continue
+        for variant, run in panel.runs.items():
+            name = f"{panel.experiment}: {panel.panel.title}"
+            if variant != reference:
+                pairs.setdefault(variant, []).append(Pair(name, run, panel.runs[reference]))
+    return {variant: aggregated(own) for variant, own in pairs.items() if len(own) > 1}
 
 
 def target_of(panel: MeasuredPanel) -> tuple[float, str] | None:
     """Return a panel's target and what it is called, None where there is none."""
-    if panel.panel.target is not None:
-        return panel.panel.target, "target"
-    reference = reference_of(panel.runs, REFERENCE)
-    if reference is None:
+    comparison = compared(panel)
+    if comparison.target is None:
         return None
-    best = float(np.nanmax(panel.runs[reference].returns.mean(0)))
-    return best, f"best of {reference}"
+    name = "target" if comparison.given else f"best of {comparison.reference}"
+    return comparison.target, name
 
 
 def interval_of_mean(values: Floats) -> tuple[Floats, Floats] | None:
     """Return the 95 % interval of the mean over seeds of curves (S, K); None with few seeds."""
-    return bootstrap_mean(values) if len(values) >= LEAST_SEEDS else None
+    _, low, high = t_interval(values)
+    return (low, high) if len(values) >= LEAST_SEEDS else None
 
 
 def smoothed(values: Floats, over: int) -> Floats:

@@ -1,26 +1,31 @@
 """Reproduce an experiment: plan, train what is left, draw, table, record."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from repaint_cli.experiments.estimates import seconds_left
 from repaint_cli.experiments.figures import draw
-from repaint_cli.experiments.folder import ExperimentFolder, ExperimentRecord, claim, record_of
-from repaint_cli.experiments.measures import MeasuredRow, rows_of
-from repaint_cli.experiments.planning import PlannedExperiment, plan_experiment
+from repaint_cli.experiments.folder import ExperimentFolder, ExperimentRecord, own_folder, record_of
+from repaint_cli.experiments.measures import MeasuredRow, over_panels, rows_of
+from repaint_cli.experiments.planned import INTO, PlannedExperiment
+from repaint_cli.experiments.planning import plan_experiment
 from repaint_cli.experiments.results import measured, write_curves
 from repaint_cli.experiments.schema import Experiment
-from repaint_cli.experiments.tables import MEANING, MORE, markdown, nobody_reached
+from repaint_cli.experiments.tables import (
+    MEANING,
+    MORE,
+    markdown,
+    nobody_reached,
+    over_markdown,
+)
 from repaint_cli.experiments.training import Trained, train, unfinished
 from repaint_cli.files.atomic import write_text
-
-INTO = Path("reproduce")
-"""Where experiments lie, unless they are put elsewhere."""
+from repaint_cli.runs.aggregate import Aggregated
 
 
 @dataclass(frozen=True)
-class Outlook:
+class Remaining:
     """What an experiment would train now."""
 
     planned: PlannedExperiment
@@ -37,16 +42,18 @@ class Reproduced:
     planned: PlannedExperiment
     rows: list[MeasuredRow]
     """Our numbers beside the paper's."""
+    over: dict[str, Aggregated]
+    """Of an experiment that gathers others: each variant's numbers over all panels."""
     warnings: list[str]
     """What its numbers cannot say."""
     written: list[Path]
     """Its files, without those of its runs."""
 
 
-class Follower:
+class ExperimentWatcher:
     """Follows experiments; this base class does nothing."""
 
-    def begin(self, outlooks: Sequence[Outlook]) -> None:
+    def begin(self, remaining: Sequence[Remaining]) -> None:
         """All is checked; this is what will be trained."""
 
     def trained(self, trained: Trained) -> None:
@@ -61,7 +68,7 @@ def reproduce(
     scale: str,
     into: Path = INTO,
     jobs: int = 1,
-    follower: Follower | None = None,
+    watcher: ExperimentWatcher | None = None,
     replace: bool = False,
 ) -> list[Reproduced]:
     """Carry out experiments at a scale; what has been trained is not trained again.
@@ -71,54 +78,57 @@ def reproduce(
         scale: "smoke", "night" or "paper".
         into: the folder of all experiments and of the runs that they share.
         jobs: how many runs train at a time.
-        follower: follows them.
+        watcher: follows them.
         replace: whether folders of other experiments of the same names may be written.
 
     Raises:
         RepaintError: an experiment cannot be planned, or what stopped a run; finished runs stay.
     """
-    follower = follower or Follower()
+    watcher = watcher or ExperimentWatcher()
     planned = [plan_experiment(one, scale, into) for one in experiments]
-    folders = [claim(one, replace) for one in planned]
-    follower.begin(outlooks(planned))
+    folders = [own_folder(one, replace) for one in planned]
+    watcher.begin(remaining(planned))
     return [
-        _carried_out(one, folder, jobs, follower)
+        _carried_out(one, folder, jobs, watcher)
         for one, folder in zip(planned, folders, strict=True)
     ]
 
 
-def outlooks(planned: Sequence[PlannedExperiment]) -> list[Outlook]:
+def remaining(planned: Sequence[PlannedExperiment]) -> list[Remaining]:
     """Return what experiments would train one after the other; shared runs count for the first.
 
     Raises:
         RepaintError: see `seconds_left`.
     """
-    seen, found = set[str](), []
+    seen, left = set[str](), []
     for one in planned:
         new = [run for run in unfinished(one) if run.key not in seen]
         seen |= {run.key for run in new}
-        found.append(Outlook(one, len(new), seconds_left(new)))
-    return found
+        left.append(Remaining(one, len(new), seconds_left(new)))
+    return left
 
 
 def _carried_out(
-    planned: PlannedExperiment, folder: ExperimentFolder, jobs: int, follower: Follower
+    planned: PlannedExperiment, folder: ExperimentFolder, jobs: int, watcher: ExperimentWatcher
 ) -> Reproduced:
-    train(planned, jobs, follower.trained)
+    train(planned, jobs, watcher.trained)
     panels = measured(planned)
     rows = [row for panel in panels for row in rows_of(panel)]
     written = [folder.record, folder.curves, folder.table]
     write_curves(panels, folder.curves)
-    write_text(folder.table, _page(planned, rows))
+    over = over_panels(panels) if planned.experiment.table == "iterations" else {}
+    write_text(folder.table, _page(planned, rows, over))
     written += draw(planned, panels, folder)
     if not ExperimentRecord.read(folder.record).finished:
         record_of(planned, finished=True).write(folder.record)
-    reproduced = Reproduced(planned, rows, nobody_reached(rows), written)
-    follower.finish(reproduced)
+    reproduced = Reproduced(planned, rows, over, nobody_reached(rows), written)
+    watcher.finish(reproduced)
     return reproduced
 
 
-def _page(planned: PlannedExperiment, rows: Sequence[MeasuredRow]) -> str:
+def _page(
+    planned: PlannedExperiment, rows: Sequence[MeasuredRow], over: Mapping[str, Aggregated]
+) -> str:
     experiment = planned.experiment
     lines = [f"# {experiment.name}: {experiment.item}, scale {planned.scale}", ""]
     if planned.scale == "smoke":
@@ -129,4 +139,5 @@ def _page(planned: PlannedExperiment, rows: Sequence[MeasuredRow]) -> str:
         "",
     ]
     lines += [*markdown(rows, experiment.table), "", f"{MEANING}; {MORE}.", *nobody_reached(rows)]
+    lines += ["", *over_markdown(over)]
     return "\n".join(lines) + "\n"

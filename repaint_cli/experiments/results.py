@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from repaint_cli.errors import CheckpointError, reported_as
-from repaint_cli.experiments.planning import PlannedExperiment
+from repaint_cli.experiments.planned import PlannedExperiment
 from repaint_cli.experiments.schema import Experiment, Panel
 from repaint_cli.files.atomic import write_text
 from repaint_cli.files.limits import read_rows
@@ -54,7 +54,7 @@ def measured(planned: PlannedExperiment) -> list[MeasuredPanel]:
     """
     panels = []
     for own in planned.panels:
-        runs = {name: found for name, run in own.runs.items() if (found := run.read())}
+        runs = {name: read for name, run in own.runs.items() if (read := run.read())}
         panels.append(MeasuredPanel(own.experiment, own.panel, runs))
     return panels
 
@@ -80,7 +80,14 @@ def _cells(run: RecordedRun) -> Iterator[list[object]]:
     for s, seed in enumerate(run.seeds):
         for k in range(run.returns.shape[1]):
             numbers = [column[s, k] for column in columns]
-            yield [seed, k + 1, *("" if np.isnan(x) else f"{x:.6g}" for x in numbers)]
+            yield [seed, k + 1, *map(_cell, numbers)]
+
+
+def _cell(number: float) -> str:
+    """Write whole numbers whole, such as steps, and others with nine digits."""
+    if np.isnan(number):
+        return ""
+    return f"{number:.0f}" if number == round(number) else f"{number:.9g}"
 
 
 def read_curves(path: Path, experiment: Experiment) -> list[MeasuredPanel]:

@@ -149,6 +149,8 @@ class Experiment(Settings):
 
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9._-]+$")]
     """The file's name without its suffix."""
+    file: str = Field("", exclude=True)
+    """What it is called on a command line: a name, or the path of a file of one's own."""
     summary: str
     """One sentence: what it shows."""
     item: str

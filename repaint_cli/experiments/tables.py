@@ -1,10 +1,11 @@
 """Tables of an experiment: our numbers with intervals, and the paper's in brackets behind them."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from math import isnan
 
 from repaint_cli.experiments.measures import MeasuredRow
 from repaint_cli.experiments.schema import NEVER
+from repaint_cli.runs.aggregate import Aggregated
 from repaint_cli.runs.comparison_words import duration, interval, reduction, short, whole
 
 HEADS: Sequence[str] = (
@@ -35,6 +36,34 @@ def markdown(rows: Sequence[MeasuredRow], kind: str = "rows") -> Iterator[str]:
         yield f"| {' | '.join(line)} |"
 
 
+OVER_HEADS: Sequence[str] = ("over all panels", "panels", "IQM", "mean", "gap to 1", "P(better)")
+OVER_MEANING = (
+    "over all panels: areas as shares of the way that training from scratch went (0 its first "
+    "evaluation, 1 where it converged); IQM: mean of the middle half of all seeds; gap to 1: by "
+    "how much seeds fall short of 1; P(better): chance that a seed earns more than one from "
+    "scratch; in brackets a bootstrap within each panel, too narrow with few seeds"
+)
+"""What the columns mean."""
+
+
+def over_cells(variant: str, over: Aggregated) -> list[str]:
+    """Return the cells of a variant's numbers over all panels."""
+    numbers = [over.numbers[name] for name in ("iqm", "mean", "optimality_gap")]
+    return [
+        variant, str(len(over.pairs)), *map(interval, numbers), interval(over.improvement)
+    ]  # fmt: skip
+
+
+def over_markdown(over: Mapping[str, Aggregated]) -> Iterator[str]:
+    """Yield the lines of the table of numbers over all panels, none where there are none."""
+    if over:
+        yield f"| {' | '.join(OVER_HEADS)} |"
+        yield "|---|" + "---:|" * (len(OVER_HEADS) - 1)
+        for variant, numbers in over.items():
+            yield f"| {' | '.join(over_cells(variant, numbers))} |"
+        yield f"\n{OVER_MEANING}."
+
+
 def summary(rows: Iterable[MeasuredRow], *, time: bool) -> tuple[Sequence[str], list[list[str]]]:
     """Return heads and lines, a line a panel: its target, and K or the time of each variant."""
     panels: dict[tuple[str, str], dict[str, MeasuredRow]] = {}
@@ -46,8 +75,8 @@ def summary(rows: Iterable[MeasuredRow], *, time: bool) -> tuple[Sequence[str], 
         first = next(iter(own.values()))
         target = "-" if first.target is None else f"{first.target:.4g}"
         target += f" ({first.paper.target:g})" if first.paper else ""
-        found = [_arrival(own[name], time) if name in own else "" for name in variants]
-        lines.append([f"{experiment}: {title}", target, *found])
+        arrivals = [_arrival(own[name], time) if name in own else "" for name in variants]
+        lines.append([f"{experiment}: {title}", target, *arrivals])
     what = "time" if time else "K"
     return ("panel", "target (paper)", *(f"{what} {name} (paper)" for name in variants)), lines
 
@@ -55,7 +84,9 @@ def summary(rows: Iterable[MeasuredRow], *, time: bool) -> tuple[Sequence[str], 
 def _arrival(row: MeasuredRow, time: bool) -> str:
     """Write when a variant was at the target, and how much sooner than scratch."""
     ours, paper = row.ours, row.paper
-    if isnan(ours.reached):
+    if row.target is None:
+        text = "-"
+    elif isnan(ours.reached):
         text = "never"
     else:
         text = duration(ours.seconds) if time else f"{ours.reached:.0f}"
@@ -98,12 +129,12 @@ def _behind(number: object, unit: str) -> str:
 
 def nobody_reached(rows: Iterable[MeasuredRow]) -> list[str]:
     """Say of which panels nobody reached the target."""
-    panels: dict[str, list[MeasuredRow]] = {}
+    panels: dict[tuple[str, str], list[MeasuredRow]] = {}
     for row in rows:
-        panels.setdefault(row.panel, []).append(row)
+        panels.setdefault((row.experiment, row.panel), []).append(row)
     return [
         f"{title}: nobody reached the target {own[0].target:.4g} in {own[0].ours.iterations} "
         f"iterations; the best mean is {max(row.ours.best for row in own):.4g}"
-        for title, own in panels.items()
+        for (_, title), own in panels.items()
         if own[0].target is not None and all(isnan(row.ours.reached) for row in own)
     ]

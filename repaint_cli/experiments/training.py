@@ -5,8 +5,7 @@ from dataclasses import dataclass
 
 from repaint_cli.activity import doing
 from repaint_cli.errors import RepaintError
-from repaint_cli.experiments.planning import PlannedExperiment, PlannedRun, PlannedTeacher
-from repaint_cli.files.commands import command
+from repaint_cli.experiments.planned import PlannedExperiment, PlannedRun, PlannedTeacher
 from repaint_cli.runs.folder import RunFolder
 from repaint_cli.runs.workers import train_all
 from repaint_cli.zoo import store
@@ -68,7 +67,7 @@ def train(planned: PlannedExperiment, jobs: int, on_trained: OnTrained) -> None:
             for teacher in planned.teachers():
                 make_teacher(teacher, scored=planned.scale != "smoke")
     except RepaintError as error:
-        again = command(f"repaint reproduce {{}} --scale {planned.scale}", planned.experiment.name)
+        again = planned.command(jobs=jobs)
         raise type(error)(f"{error}; finished runs are kept, go on with: {again}") from error
 
 

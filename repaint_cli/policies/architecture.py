@@ -60,9 +60,9 @@ class NetConfig(Settings):
     shared: bool = False
     """Whether policy and critic share the convolutions."""
     precision: Literal["float32", "bf16", "auto"] = "float32"
-    """What a `cnn` computes in: float32, bfloat16 (bf16: convolutions and the first dense layer;
-    weights and sums stay float32), or auto: bf16 where the CPU has instructions for it. A run keeps
-    what it began with."""
+    """What a `cnn` computes in: float32, bfloat16 (bf16: all convolutions but the first, and the
+    first dense layer; weights and sums stay float32), or auto: bf16 where the CPU has instructions
+    for it. A run keeps what it began with."""
 
     @field_validator("precision")
     @classmethod

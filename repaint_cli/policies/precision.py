@@ -1,7 +1,8 @@
 """In which precision networks that read images compute: float32, or bfloat16 where it is fast.
 
 Weights, their gradients' buffer, Adam, losses, and the layers behind the large dense one are always
-float32; in bf16 the convolutions and that layer read weights and activations rounded to bfloat16.
+float32; in bf16 all convolutions but the first, and that layer, read weights and activations
+rounded to bfloat16: the gradient of a first convolution's weights is slower in it.
 """
 
 from collections.abc import Mapping

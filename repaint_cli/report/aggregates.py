@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import stats
 
-from repaint_cli.report.statistics import RESAMPLES, Estimate, Floats, converged_score
+from repaint_cli.report.statistics import RESAMPLES, Estimate, Floats, first_and_converged
 
 Scores = Sequence[Floats]
 """Of each pair its seeds' scores, P of (…, S); pairs may have different numbers of seeds."""
@@ -34,10 +34,10 @@ def normalised(values: ArrayLike, reference: ArrayLike) -> Floats:
     Raises:
         ValueError: the reference ended no higher than it began.
     """
-    curves = np.asarray(reference, np.float64)
-    first, last = float(curves[:, 0].mean()), converged_score(curves)
-    if not first < last:
-        raise ValueError(f"expected a reference that learned, found {first:.4g} to {last:.4g}")
+    ends = first_and_converged(reference)
+    if ends is None:
+        raise ValueError("expected a reference that learned, found one that ended no higher")
+    first, last = ends
     return (np.asarray(values, np.float64) - first) / (last - first)
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from repaint_cli.report.pairs import permutation_p
-from repaint_cli.report.statistics import Floats, converged_score, iteration_of_mean
+from repaint_cli.report.statistics import Floats, first_and_converged, iteration_of_mean
 
 SHARES = (0.25, 0.5, 0.75, 0.9, 1.0)
 """Of the way from the reference's first evaluation to its converged score: the usual targets."""
@@ -18,10 +18,10 @@ def usual_targets(returns: ArrayLike) -> dict[float, float]:
 
     None where the run, (S, K), ended no higher than it began.
     """
-    curves = np.asarray(returns, np.float64)
-    first, last = float(curves[:, 0].mean()), converged_score(curves)
-    if not first < last:
+    ends = first_and_converged(returns)
+    if ends is None:
         return {}
+    first, last = ends
     return {share: first + share * (last - first) for share in SHARES}
 
 
@@ -56,10 +56,10 @@ def logrank_p(reached: ArrayLike, others: ArrayLike) -> float:
 
     nan where nobody arrives, or a run has fewer than two seeds.
     """
-    own, basis = logrank_scores(reached, others)
-    if not np.concatenate([own, basis]).any():
+    arrived = ~np.isnan(np.concatenate([np.asarray(reached), np.asarray(others)], dtype=float))
+    if not arrived.any():
         return float("nan")
-    return permutation_p(own, basis)
+    return permutation_p(*logrank_scores(reached, others))
 
 
 def saved(returns: ArrayLike, reference: ArrayLike, target: float) -> float:

@@ -5,13 +5,11 @@ iterations. Groups are indices of seeds, (R, 2, g): row 0 stands for the run, ro
 reference.
 """
 
-from math import comb
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from repaint_cli.report.pairs import welch_interval
-from repaint_cli.report.statistics import Floats
+from repaint_cli.report.statistics import Estimate, Floats
 
 Groups = NDArray[np.int64]
 
@@ -27,15 +25,23 @@ def halves(n_seeds: int, seed: int = 0) -> Groups:
     return orders[:, : 2 * g].reshape(DRAWS, 2, g)
 
 
-def ways_to_halve(n_seeds: int) -> int:
-    """Return in how many ways two groups of n_seeds // 2 can be split off."""
-    g = n_seeds // 2
-    return comb(n_seeds, g) * comb(n_seeds - g, g)
-
-
 def drawn(n_seeds: int, group: int, seed: int = 0) -> Groups:
     """Draw two groups of seeds with replacement, again and again: (R, 2, g)."""
     return np.random.default_rng(seed).integers(n_seeds, size=(DRAWS, 2, group))
+
+
+def never(values: Floats) -> float:
+    """Return in which share of the pairs of groups there is no value, (R,)."""
+    return float(np.isnan(values).mean())
+
+
+def middle_and_ends(values: Floats) -> Estimate:
+    """Return the mean of values, (R,), and between which ends 95 % of them lie."""
+    known = values[~np.isnan(values)]
+    if not len(known):
+        return np.nan, np.nan, np.nan
+    low, high = np.percentile(known, [2.5, 97.5])
+    return float(known.mean()), float(low), float(high)
 
 
 def gaps(values: ArrayLike, groups: Groups) -> Floats:

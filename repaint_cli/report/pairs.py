@@ -21,6 +21,9 @@ NOTHING = (np.nan, np.nan, np.nan)
 LEAST_PAIRS = 2
 """Seeds that two runs must share for their differences to be looked at."""
 
+LEAST_SEEDS_NEEDED = {True: 6, False: 4}
+"""With fewer, in pairs or in two groups, p cannot be below 0.05."""
+
 MOST_SEEDS_NEEDED = 10_000
 """More are as good as endless."""
 
@@ -183,4 +186,6 @@ def seeds_needed(effect: float, *, paired: bool = True) -> float:
     z, power = stats.norm.ppf([0.975, 0.8])
     sides = 1 if paired else 2
     n = float(sides * (z + power) ** 2 / effect**2 + z**2 / (2 * sides))
-    return float(max(3, np.ceil(n))) if n <= MOST_SEEDS_NEEDED else float("inf")
+    if n > MOST_SEEDS_NEEDED:
+        return float("inf")
+    return float(max(LEAST_SEEDS_NEEDED[paired], np.ceil(n)))

@@ -28,10 +28,7 @@ def plot_profiles(scores: Mapping[str, Sequence[float]], path: Path, *, title: s
     Raises:
         StoreError: the file cannot be written.
     """
-    figure = style.new_figure(WIDTH, HEIGHT)
-    style.headline(figure, title)
-    axes = figure.subplots()
-    style.tidy(axes)
+    figure, axes = style.one_panel(WIDTH, HEIGHT, title)
     colours = style.colours_of(scores)
     low = min(min(each) for each in scores.values())
     high = max(max(each) for each in scores.values())
@@ -47,7 +44,5 @@ def plot_profiles(scores: Mapping[str, Sequence[float]], path: Path, *, title: s
     axes.set_ylim(-0.02, 1.05)
     axes.set_xlabel("score τ: mean return of the last evaluation", size=style.TEXT_SIZE)
     axes.set_ylabel("share of seeds at or above τ", size=style.TEXT_SIZE)
-    axes.grid(axis="y", color="#e6e6e6", linewidth=0.7)
-    axes.set_axisbelow(True)
     style.legend(figure)
     style.save(figure, path)

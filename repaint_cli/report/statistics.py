@@ -208,6 +208,13 @@ def converged_score(returns: ArrayLike) -> float:
     return float(mean[-max(1, len(mean) // 5) :].mean())
 
 
+def first_and_converged(returns: ArrayLike) -> tuple[float, float] | None:
+    """Return a run's first mean return and its converged score; None where it rose no higher."""
+    curves = _matrix(returns)
+    first, last = float(curves[:, 0].mean()), converged_score(curves)
+    return (first, last) if first < last else None
+
+
 def iterations_to(returns: ArrayLike, target: float) -> Floats:
     """Return the first iteration, from 1, whose evaluated mean return is at least `target`.
 

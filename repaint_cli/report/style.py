@@ -83,6 +83,17 @@ def new_figure(width: float, height: float) -> Figure:
     return figure
 
 
+def one_panel(width: float, height: float, title: str) -> tuple[Figure, Axes]:
+    """Make a figure of so many inches with a title and one panel, whose heights can be read off."""
+    figure = new_figure(width, height)
+    headline(figure, title)
+    axes: Axes = figure.subplots()
+    tidy(axes)
+    axes.grid(axis="y", color="#e6e6e6", linewidth=0.7)
+    axes.set_axisbelow(True)
+    return figure, axes
+
+
 def headline(figure: Figure, title: str) -> None:
     """Write the figure's title, on more lines if it is longer than the figure is wide."""
     figure.suptitle(title, size=TITLE_SIZE, weight="bold", color=INK, wrap=True)

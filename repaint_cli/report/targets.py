@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
 from repaint_cli.report import style
@@ -34,22 +35,13 @@ def plot_targets(
     Raises:
         StoreError: the file cannot be written.
     """
-    figure = style.new_figure(WIDTH, HEIGHT)
-    style.headline(figure, title)
-    axes = figure.subplots()
-    style.tidy(axes)
+    figure, axes = style.one_panel(WIDTH, HEIGHT, title)
     horizon = next(iter(returns.values())).shape[1]
     low = min(float(curves[:, 0].mean()) for curves in returns.values())
     high = max(float(curves.max()) for curves in returns.values())
     levels, colours = np.linspace(low, high, LEVELS), style.colours_of(returns)
     for label, curves in returns.items():
-        reached = np.array([iterations_to(curves, level) for level in levels])  # (L, S)
-        some = ~np.isnan(reached).all(axis=1)
-        mean, lower, upper = t_interval(restricted(reached[some], horizon).T)
-        axes.plot(levels[some], mean, color=colours[label], linewidth=2.1, label=label)
-        if len(curves) >= LEAST_SEEDS:
-            ends = np.clip([lower, upper], 1, horizon)
-            axes.fill_between(levels[some], *ends, color=colours[label], alpha=0.15, linewidth=0)
+        _line(axes, curves, levels, colours[label], label)
     for level, name in marks.items():
         axes.axvline(level, color=style.FAINT, linewidth=0.8, linestyle=(0, (2, 3)), zorder=0)
         axes.annotate(
@@ -60,9 +52,19 @@ def plot_targets(
     axes.yaxis.set_major_locator(MaxNLocator(integer=True, steps=[1, 2, 5, 10]))
     axes.set_xlabel("target: mean evaluation return", size=style.TEXT_SIZE)
     axes.set_ylabel("iterations that a seed needed, K", size=style.TEXT_SIZE)
-    axes.grid(axis="y", color="#e6e6e6", linewidth=0.7)
-    axes.set_axisbelow(True)
     style.legend(figure)
     note = f"mean over seeds; one that does not get there counts as {horizon}, the last iteration"
     figure.supxlabel(f"{note}; shaded: 95 % interval", size=style.NOTE_SIZE, color="#555555")
     style.save(figure, path)
+
+
+def _line(axes: Axes, curves: Floats, levels: Floats, colour: str, label: str) -> None:
+    """Draw the mean over a run's seeds, (S, K), and its interval, where any of them gets there."""
+    horizon = curves.shape[1]
+    reached = np.array([iterations_to(curves, level) for level in levels])  # (L, S)
+    some = ~np.isnan(reached).all(axis=1)
+    mean, lower, upper = t_interval(restricted(reached[some], horizon).T)
+    axes.plot(levels[some], mean, color=colour, linewidth=2.1, label=label)
+    if len(curves) >= LEAST_SEEDS:
+        ends = np.clip([lower, upper], 1, horizon)
+        axes.fill_between(levels[some], *ends, color=colour, alpha=0.15, linewidth=0)

@@ -29,24 +29,20 @@ class Spread:
     name: str
     values: Floats
     """Of each pair of groups, (R,); nan where there is none."""
-    alike: float
-    """What it would be of two groups that are the same."""
+    null: float
+    """What it is of two groups that are the same."""
     form: str = ".3g"
     """How it is written."""
 
     @property
     def never(self) -> float:
         """In which share of the pairs there is no value."""
-        return float(np.isnan(self.values).mean())
+        return no_difference.never(self.values)
 
     @property
     def middle_and_ends(self) -> tuple[float, float, float]:
         """The mean, and between which ends 95 % of the values lie."""
-        known = self.values[~np.isnan(self.values)]
-        if not len(known):
-            return np.nan, np.nan, np.nan
-        low, high = np.percentile(known, [2.5, 97.5])
-        return float(known.mean()), float(low), float(high)
+        return no_difference.middle_and_ends(self.values)
 
     @property
     def in_words(self) -> tuple[str, str, str]:
@@ -61,7 +57,7 @@ class Spread:
         """Return it as JSON, without the single values."""
         mean, low, high = map(plain, self.middle_and_ends)
         named = {"mean": mean, "low": low, "high": high, "never": self.never}
-        return {"what": self.name, "alike": self.alike} | named
+        return {"what": self.name, "null": self.null} | named
 
 
 @dataclass(frozen=True)
@@ -155,7 +151,7 @@ def draw(alike: AgainstItself, path: Path) -> None:
     for spread in alike.spreads:
         mean, ends, never = spread.in_words
         remark = f"mean {mean}, 95 % in {ends}" + (f"; never in {never}" if never else "")
-        shown[spread.name] = (spread.values, spread.alike, remark, "%" in spread.form)
+        shown[spread.name] = (spread.values, spread.null, remark, "%" in spread.form)
     note = "dashed: two groups that are the same; shaded: the middle 95 %"
     plot_distributions(shown, path, title=title_of(alike), note=note)
 

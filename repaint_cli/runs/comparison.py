@@ -158,9 +158,4 @@ def _no_difference(reference: RecordedRun, given: Sequence[float]) -> NoDifferen
         return None
     groups = no_difference.drawn(n, n)
     reduced = no_difference.reductions(reference.returns, groups, given[-1] if given else None)
-    known = reduced[~np.isnan(reduced)]
-    never = 1 - len(known) / len(reduced)
-    if not len(known):
-        return NoDifference(n, never, (np.nan,) * 3)
-    low, high = np.percentile(known, [2.5, 97.5])
-    return NoDifference(n, never, (float(known.mean()), float(low), float(high)))
+    return NoDifference(n, no_difference.never(reduced), no_difference.middle_and_ends(reduced))

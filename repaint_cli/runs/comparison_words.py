@@ -1,6 +1,6 @@
 """A comparison's numbers in words, for a terminal and for a page."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from math import isinf, isnan
 from typing import TYPE_CHECKING
 
@@ -11,9 +11,6 @@ if TYPE_CHECKING:
     from repaint_cli.report.statistics import Estimate
     from repaint_cli.runs.comparison import Comparison
     from repaint_cli.runs.standings import Against, SeedArrivals
-
-FEW = 3
-"""Seeds whose numbers are written one by one."""
 
 LEVEL = 0.05
 """p at which a difference counts as shown."""
@@ -62,7 +59,7 @@ def _needed(seeds: float) -> str:
 
 def seeds_can_show(comparison: "Comparison", names: Mapping[str, str] | None = None) -> list[str]:
     """Say what the seeds of a comparison can show: of each kind of pair of runs, a sentence."""
-    basis, said = comparison.basis, list[str]()
+    basis, sentences = comparison.basis, list[str]()
     called = names or {row.label: row.label for row in comparison.standings}
     for row in comparison.standings:
         if basis and row.against and not isnan(row.against.area.mean[1]):
@@ -74,12 +71,12 @@ def seeds_can_show(comparison: "Comparison", names: Mapping[str, str] | None = N
             else:
                 most = max(row.seeds, basis.seeds)
                 some = f"{area.pairs} seeds that {both} share, of {most}"
-            said.append(f"{some}: {_can_show(area, min(row.seeds, basis.seeds))}")
-    return list(dict.fromkeys(said))
+            sentences.append(f"{some}: {_can_show(area, min(row.seeds, basis.seeds))}")
+    return list(dict.fromkeys(sentences))
 
 
 def _can_show(area: "Difference", seeds: int) -> str:
-    coverage = coverage_of(area.pairs or seeds)
+    coverage = coverage_of(area.pairs or seeds, paired=area.pairs > 0)
     few = "" if area.smallest_p <= LEVEL else ", so it decides nothing alone"
     return (
         f"p cannot be below {area.smallest_p:.2g}{few}; 95 % intervals of differences hold the "
@@ -93,11 +90,10 @@ def paper_alike(comparison: "Comparison", names: Mapping[str, str] | None = None
     alike, label = comparison.no_difference, str(comparison.reference)
     if alike is None or alike.never == 1:
         return None
-    mean, low, high = alike.reduced
-    known = "" if isnan(mean) else f", else K {_earlier(low)} to {_earlier(high)}"
+    _, low, high = alike.reduced
     return (
         f"two runs like {(names or {}).get(label, label)}, with {alike.seeds} seeds each, give "
-        f"“never” in {alike.never:.0%} of cases{known}"
+        f"“never” in {alike.never:.0%} of cases, else K {_earlier(low)} to {_earlier(high)}"
     )
 
 
@@ -173,16 +169,6 @@ def target_name(arrivals: "SeedArrivals") -> str:
     """Write a target, and which share of the reference's converged score it is."""
     share = "" if arrivals.share is None else f"{arrivals.share:.0%}: "
     return f"{share}{arrivals.target:.4g}"
-
-
-def each_seed(reached: Sequence[float]) -> str:
-    """Write each seed's K; of many the least and the largest, and how many never get there."""
-    known = sorted(k for k in reached if not isnan(k))
-    if len(reached) <= FEW:
-        return ", ".join("never" if isnan(k) else f"{k:.0f}" for k in reached)
-    never = len(reached) - len(known)
-    parts = [f"{known[0]:.0f}-{known[-1]:.0f}"] if known else []
-    return ", ".join([*parts, f"{never} never"] if never else parts)
 
 
 def whole(number: float) -> str:

@@ -53,8 +53,8 @@ GLOSSARY = (
      "permuted. Small is sure; with three pairs it cannot be below 0.25, with five not below "
      "0.06."),
     ("profile", "Performance profile", "Which share of the seeds ended at or above a score. A "
-     "run whose line is above another's everywhere is better for every seed, not only on "
-     "average."),
+     "run whose line is above another's everywhere is better at every rank, from its worst "
+     "seed to its best, not only on average."),
     ("teacher", "Teacher and student", "A policy trained before, on another task, and the one that "
      "learns now."),
     ("representation", "Representation transfer, β", "The student plays and learns by itself, and "

@@ -42,16 +42,36 @@ def write_page(
         CheckpointError: the alarms of a run are damaged.
         StoreError: the page cannot be written.
     """
+    common = _of_runs(runs) | _of_comparison(comparison)
+    targets = page_tables.targets(runs, comparison)
+    common |= Values(targets=targets, data=curves_json(runs, targets["levels"]))
+    write_text(page, render_page(common | own))
+    return page
+
+
+def _of_runs(runs: Mapping[str, RecordedRun]) -> Values:
+    """Return what a page says of its runs one by one, and of all pages."""
+    alarms_heads, alarms = page_tables.alarms(runs)
+    more = len(alarms) - MOST_ALARMS
+    return Values(
+        version=__version__,
+        curves_note=note_of(runs),
+        alarms_heads=alarms_heads,
+        alarms=alarms[:MOST_ALARMS],
+        more_alarms=f"{more} more are in run.json." if more > 0 else "",
+        glossary=[{"id": i, "name": name, "text": text} for i, name, text in GLOSSARY],
+        glossary_of=MEANING_OF,
+    )
+
+
+def _of_comparison(comparison: Comparison) -> Values:
+    """Return what a page says of its runs beside each other."""
     scores_heads, scores = page_tables.scores(comparison)
     gaps_heads, gaps = page_tables.differences(comparison)
     ladder_heads, ladder, earlier = page_tables.ladder(comparison)
-    alarms_heads, alarms = page_tables.alarms(runs)
-    targets = page_tables.targets(runs, comparison)
-    more = len(alarms) - MOST_ALARMS
-    common = Values(
-        version=__version__,
+    several = len(ladder_heads) > 1
+    return Values(
         verdicts=[*verdicts(comparison), *ran_away(comparison)],
-        curves_note=note_of(runs),
         scores_heads=scores_heads,
         scores=scores,
         reference=comparison.reference,
@@ -59,24 +79,15 @@ def write_page(
         gaps=gaps,
         can_show=[*map(_sentence, seeds_can_show(comparison))],
         ladder_heads=ladder_heads,
-        ladder=ladder if len(ladder_heads) > 1 else [],
-        earlier=earlier if len(ladder_heads) > 1 else [],
+        ladder=ladder if several else [],
+        earlier=earlier if several else [],
         unreached=[*map(_sentence, unreached(comparison))],
         iterations=comparison.iterations,
         targets_picture=None,
         profiles_picture=None,
         alike=paper_alike(comparison) if gaps else None,
         no_difference=None,
-        targets=targets,
-        alarms_heads=alarms_heads,
-        alarms=alarms[:MOST_ALARMS],
-        more_alarms=f"{more} more are in run.json." if more > 0 else "",
-        glossary=[{"id": i, "name": name, "text": text} for i, name, text in GLOSSARY],
-        glossary_of=MEANING_OF,
-        data=curves_json(runs, targets["levels"]),
     )
-    write_text(page, render_page(common | own))
-    return page
 
 
 def _sentence(words: str) -> str:

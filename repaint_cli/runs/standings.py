@@ -127,9 +127,9 @@ def standing_of(label: str, run: RecordedRun, basis: Basis) -> Standing:
     own = _numbers(run, basis)
     against = None
     if other is not None and run is not other:
-        theirs = _numbers(other, basis)
-        gaps = {name: difference(own[name], theirs[name], run.seeds, other.seeds) for name in own}
-        against = Against(**gaps, better=better(own["area"], theirs["area"]))
+        others = _numbers(other, basis)
+        gaps = {name: difference(own[name], others[name], run.seeds, other.seeds) for name in own}
+        against = Against(**gaps, better=better(own["area"], others["area"]))
     alone = run is other
     return Standing(
         **vars(arrival_of(label, part, None if alone else reference, basis.target)),

@@ -67,7 +67,7 @@ class _Orders:
     def draw(
         cls, samples: Samples, spec: UpdateSpec, rngs: Sequence[np.random.Generator]
     ) -> "_Orders":
-        """Draw them by each seed's own generator."""
+        """Draw them by each seed's own generator, those of instances by one that it spawns."""
         of_instances = []
         if spec.instances is not None:  # by generators of their own, which leave the others alone
             others = [rng.spawn(1)[0] for rng in rngs]
@@ -145,17 +145,17 @@ def _take_steps(
         for j in range(int(n_steps.max())):
             bounds = (samples.counts.clamp(max=size * j), samples.counts.clamp(max=size * (j + 1)))
             positions, counts = minibatch(order, *bounds)
-            share = None
+            instances = None
             if spec.instances is not None and spec.moves_policy:
                 steps = torch.tensor([[j], [j + 1]])
-                share = _share(orders.of_instances[epoch], spec, steps, n_steps)
-                _keep_instance_gradient(student, optimizer, share, spec, means)
+                instances = _share(orders.of_instances[epoch], spec, steps, n_steps)
+                _keep_instance_gradient(student, optimizer, instances, spec, means)
             loss, metrics = _loss(student, samples, positions, counts, spec)
             means.add(counts, metrics)
             _check_finite(loss, metrics)
             _step(student, optimizer, loss, (counts > 0).tolist(), spec)
-            if share is not None:
-                moving, norm = (share.counts > 0).tolist(), spec.ppo.max_grad_norm
+            if instances is not None:
+                moving, norm = (instances.counts > 0).tolist(), spec.ppo.max_grad_norm
                 optimizer.step_on_instances(moving, spec.instance_scale, norm)
             advance()
             check()
@@ -189,15 +189,17 @@ def _share(order: Tensor, spec: UpdateSpec, steps: Tensor, n_steps: Tensor) -> S
 
 
 def _keep_instance_gradient(
-    student: ActorCritic, optimizer: RowAdam, share: Samples, spec: UpdateSpec, means: Means
+    student: ActorCritic, optimizer: RowAdam, instances: Samples, spec: UpdateSpec, means: Means
 ) -> None:
     """Keep ∇L_ins at θ until ∇L_rep at the same θ is known, and add the metrics of L_ins.
 
     θ ← θ + α₁·Adam(∇L_rep) + α₂·Adam(∇L_ins)      (paper, algorithm 1)
     """
     assert optimizer.of_instances is not None
-    loss, metrics = instance_loss(student, share, spec)
-    means.add(share.counts, {name: metrics[name] for name in ("log_ratio", "kept_clip_fraction")})
+    loss, metrics = instance_loss(student, instances, spec)
+    means.add(
+        instances.counts, {name: metrics[name] for name in ("log_ratio", "kept_clip_fraction")}
+    )
     _check_finite(loss, metrics)
     _differentiate(student, loss, "policy")
     optimizer.of_instances.gradients.copy_(student.gradients[:, : student.n_policy])
