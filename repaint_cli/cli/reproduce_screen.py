@@ -1,5 +1,6 @@
 """What `repaint reproduce run` does and shows."""
 
+import re
 from collections.abc import Iterable, Sequence
 from itertools import groupby
 
@@ -28,6 +29,12 @@ from repaint_cli.runs.comparison_words import duration
 
 NARROW = (1, 3, 4, 5, 6)
 """The columns of an experiment's table that 80 columns have room for: variant … area."""
+
+NARROW_OVER = (0, 1, 2, 5)
+"""Those of the table over all panels: variant, panels, IQM, P(better)."""
+
+INTERVAL = re.compile(r"(\[[^]]*), ")
+"""Whose ends stand on one line."""
 
 
 def carry_out(options: ReproduceOptions) -> None:
@@ -91,7 +98,11 @@ class _Printer(ExperimentWatcher):
             heads, lines = summary(reproduced.rows, time=experiment.table == "time")
             _print(heads, lines)
         if reproduced.over:
-            _print(OVER_HEADS, [over_cells(*one) for one in reproduced.over.items()])
+            cells_over = [over_cells(*one) for one in reproduced.over.items()]
+            _print(
+                [OVER_HEADS[i] for i in NARROW_OVER],
+                [[c[i] for i in NARROW_OVER] for c in cells_over],
+            )
             out.print(literal(OVER_MEANING), soft_wrap=False)
         for warning in reproduced.warnings:
             out.print(f"[yellow]warning:[/yellow] {literal(warning)}", soft_wrap=False)
@@ -113,8 +124,10 @@ class _Printer(ExperimentWatcher):
 
 def _print(heads: Sequence[str], lines: Iterable[Sequence[str]]) -> None:
     table = Table(*heads, box=None, pad_edge=False, padding=(0, 2, 0, 0))
+    for column in table.columns:
+        column.overflow = "fold"  # a name is never cut
     for line in lines:
-        table.add_row(*(literal(text.replace(", ", ",")) for text in line))
+        table.add_row(*(literal(INTERVAL.sub(r"\1,", text)) for text in line))
     out.print(table, soft_wrap=False)
 
 
