@@ -11,7 +11,7 @@ from small_runs import add_teacher
 from written_runs import climb, write_run
 
 from repaint_cli.errors import CardError, CheckpointError, NotFound, StoreError
-from repaint_cli.experiments import estimates, figures, results
+from repaint_cli.experiments import estimates, figures, planned, results
 from repaint_cli.experiments.estimates import hours_of, seconds_left
 from repaint_cli.experiments.files import list_experiments, read_experiment
 from repaint_cli.experiments.folder import ExperimentFolder, ExperimentRecord, own_folder
@@ -143,6 +143,18 @@ def test_a_run_s_folder_is_another_where_anything_differs(tmp_path):
     ]  # fmt: skip
     assert len({run.key, *(other.key for other in others)}) == 6
     assert replace(run, seconds=9.0).key == run.key
+    other_words = run.card.model_copy(update={"summary": "The same in other words."})
+    assert replace(run, card=other_words).key == run.key
+
+
+def test_a_setting_with_its_default_is_not_part_of_a_run_s_key(tmp_path, monkeypatch):
+    run = plan_experiment(ALL["reacher"], "paper", tmp_path).runs()[0]
+    seen: list[dict[str, object]] = []
+    monkeypatch.setattr(planned, "key_of", lambda what: seen.append(what) or "")
+    assert run.key == ""
+    assert run.card.ppo.kl_penalty == 0
+    assert "kl_penalty" not in seen[0]["task"]["ppo"]
+    assert "n_iterations" in seen[0]["task"]["ppo"]
 
 
 def test_teachers_that_are_not_shipped_come_first(tmp_path):

@@ -54,10 +54,15 @@ class PlannedRun:
 
     @property
     def key(self) -> str:
-        """The SHA-256 of what defines the run, and of the files of one's own that it reads."""
+        """The SHA-256 of what defines the run, and of the files of one's own that it reads.
+
+        Settings with their defaults are left out, so that new ones change no key; `read` compares
+        all of them.
+        """
         files = {name: sha256(path) for name, path in self.card.env.files().items()}
+        card = self.card.model_dump(mode="json", exclude_defaults=True, exclude={"summary"})
         defined = {
-            "task": self.card.model_dump(mode="json"), "method": self.method, "seeds": self.seeds,
+            "task": card, "method": self.method, "seeds": self.seeds,
             "teachers": [teacher.key for teacher in self.teachers],
         }  # fmt: skip
         return key_of(defined | ({"files": files} if files else {}))
@@ -89,7 +94,8 @@ class PlannedRun:
         if not RunFolder(self.folder).is_run():
             return None
         run = read_run(self.folder)
-        same = run.task == self.card and run.method == self.method
+        card = self.card.model_copy(update={"summary": run.task.summary})
+        same = run.task == card and run.method == self.method
         if not same or run.seeds != list(self.seeds):
             raise StoreError(f"{self.folder} holds another run than its name says; move it away")
         return run
