@@ -72,6 +72,16 @@ def test_a_teacher_that_would_be_made_is_named_and_not_made(repaint, home):
 
 
 @pytest.mark.usefixtures("no_trace")
+def test_a_comparison_takes_a_preset(repaint):
+    said = repaint(
+        *("compare", "--task", "reacher", "--seeds", 1, *QUICK[:2], *QUICK[4:], "--dry-run"),
+        *("--methods", "scratch", "--preset", "paper"),
+    )
+    assert said.code == 0, said.err
+    assert "#   transfer.iterations = 15 (card: 4)" in said.out
+
+
+@pytest.mark.usefixtures("no_trace")
 def test_a_comparison_tells_of_each_method(repaint):
     said = repaint(
         *("compare", "--task", "reacher", "--teacher", "old-hand", "--seeds", 1, *QUICK[:2]),

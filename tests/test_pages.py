@@ -1,5 +1,6 @@
 """The pages in docs/: how they begin, that what they name is there, and that all is documented."""
 
+import os
 import re
 import subprocess
 import sys
@@ -155,6 +156,17 @@ def test_every_file_of_a_run_is_documented():
     assert len(files) > 10
     for file in files:
         assert f"`{file}" in table, file
+
+
+def test_the_help_on_the_page_is_what_the_command_prints():
+    (page,) = re.findall(
+        r"^```\nrepaint transfer --help\n```\n\n```text\n(.*?)^```$", PAGES["reference.md"],
+        re.DOTALL | re.MULTILINE,
+    )  # fmt: skip
+    env = os.environ | {"COLUMNS": "80"}
+    words = [sys.executable, "-m", "repaint_cli", "transfer", "--help"]
+    said = subprocess.run(words, capture_output=True, text=True, env=env, check=True).stdout
+    assert page.strip() == said.strip()
 
 
 def test_every_section_of_a_card_is_documented():

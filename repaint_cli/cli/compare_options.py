@@ -63,6 +63,11 @@ class CompareOptions(NamedTuple):
         option(TRAINED, "METHOD,...", f"Methods, with commas between. Default: {DEFAULT_METHODS}."),
         Rule(options=WITH_TASK),
     ] = None
+    preset: Annotated[
+        str | None,
+        option(TRAINED, "NAME", "paper: the paper's numbers; coach: and its framework's choices."),
+        Rule(options=WITH_TASK),
+    ] = None
     seeds: Annotated[
         int | None,
         option(

@@ -20,11 +20,8 @@ if TYPE_CHECKING:
 
 def print_what_would_run(options: CompareOptions) -> None:
     """Print what would be trained."""
-    import repaint_cli
-
     methods, jobs = methods_and_jobs(options)
-    task = repaint_cli.load_task(options.task or "")
-    card = task.with_settings(settings_of(options))
+    task, card = _cards(options)
 
     def plans() -> "Sequence[Plan]":
         from repaint_cli.runs.train_methods import plan_methods
@@ -62,7 +59,7 @@ def train(options: CompareOptions, folders: list[Path]) -> list[Path]:
 
     methods, jobs = methods_and_jobs(options)
     check_reference(options.reference, folders, methods)
-    card = repaint_cli.load_task(options.task or "").with_settings(settings_of(options))
+    _, card = _cards(options)
     seeds, teachers = _seeds(options), options.teacher or ()
     print_notes(*teachers)
     screen, trained = Console(stderr=True, soft_wrap=True, highlight=False), list[Path]()
@@ -75,6 +72,15 @@ def train(options: CompareOptions, folders: list[Path]) -> list[Path]:
             trained.append(folder)
             screen.print(f"{len(trained)} of {len(methods)}: wrote [bold]{folder}/[/bold]")
     return sorted(trained, key=lambda folder: methods.index(folder.name))
+
+
+def _cards(options: CompareOptions) -> "tuple[TaskCard, TaskCard]":
+    """Return the task's card as it is, and as it is trained on."""
+    import repaint_cli
+    from repaint_cli.tasks.presets import with_preset
+
+    task = repaint_cli.load_task(options.task or "")
+    return task, with_preset(task, options.preset).with_settings(settings_of(options))
 
 
 def _seeds(options: CompareOptions) -> list[int] | None:
