@@ -10,6 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self
 
+from repaint_cli.envs.symmetry import Symmetry
 from repaint_cli.errors import RenderError
 from repaint_cli.settings import EvalConfig, Settings
 
@@ -142,9 +143,19 @@ class Simulator(Settings, ABC):
         """Return the settings with the values of those that follow from others where absent."""
         return self
 
-    def symmetries(self) -> tuple[Any, ...]:
-        """Return the symmetries of observations, actions and terms: none are known yet."""
+    takes_symmetry: ClassVar[bool] = True
+    """Whether a card may name a symmetry, as `symmetries` need not know all."""
+
+    def symmetries(self) -> tuple[Symmetry, ...]:
+        """Return the known reflections of observations, actions and terms."""
         return ()
+
+    def why_no_symmetry(self) -> str | None:
+        """Return why `symmetries` is empty, for people; None where it is not."""
+        if self.symmetries():
+            return None
+        what = f"no symmetry of the simulator '{self.simulator}' is known"
+        return f"{what}; a card can name one in its section [symmetry]"
 
     # Files and code that a card brings along
 

@@ -61,8 +61,15 @@ def check_task(card: TaskCard) -> TaskCheck:
 
 def _play(card: TaskCard, check: TaskCheck) -> None:
     one = card.make_env(1)
-    check.spaces = Spaces.of(one.single_observation_space, one.single_action_space)
+    actions = one.single_action_space
+    check.spaces = Spaces.of(one.single_observation_space, actions)
     one.close()
+    try:
+        card.check_symmetry(check.spaces)
+        if card.symmetry and isinstance(actions, gymnasium.spaces.Box):
+            card.symmetry.check_bounds(actions.low.tolist(), actions.high.tolist())
+    except CardError as error:
+        check.errors.append(error)
     card.env.longest_episode()  # without a limit episodes might never end
     try:
         card.check_rollout()

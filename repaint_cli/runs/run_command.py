@@ -17,6 +17,9 @@ from repaint_cli.zoo import store
 LINE = 78
 """Letters of a line."""
 
+IN_CARDS_ONLY = ("reward_code.", "symmetry.")
+"""Settings that `--set` cannot add to a card that has none of their section."""
+
 
 def shipped_card(task: TaskCard) -> TaskCard | None:
     """Return the shipped card that a run's task was begun from, by its name."""
@@ -69,7 +72,7 @@ def _settings(card: TaskCard, task: TaskCard) -> list[str] | None:
     """Return what `--set` must change on a card, or None where it cannot say it."""
     basis, own = settings_of(card), settings_of(task)
     changed = sorted(differing(basis, own))
-    if any(name.startswith("reward_code.") or own.get(name) is None for name in changed):
+    if any(name.startswith(IN_CARDS_ONLY) or own.get(name) is None for name in changed):
         return None
     return [f"{name}={toml_value(own[name])}" for name in changed]
 

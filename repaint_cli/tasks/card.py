@@ -13,6 +13,7 @@ from repaint_cli.errors import CardError, NotFound, UsageError
 from repaint_cli.settings import UNKNOWN_KEY, Settings, first_problem
 from repaint_cli.tasks.recipe import Recipe
 from repaint_cli.tasks.setting_names import did_you_mean, same_settings
+from repaint_cli.tasks.symmetry import SymmetryConfig
 from repaint_cli.tasks.task import Task
 from repaint_cli.tasks.transfer_settings import TransferConfig
 
@@ -56,7 +57,9 @@ class TaskCard(Recipe, Task, Titled):
     @property
     def task(self) -> Task:
         """The task alone."""
-        return Task(env=self.env, reward=self.reward, reward_code=self.reward_code)
+        return Task(
+            env=self.env, reward=self.reward, reward_code=self.reward_code, symmetry=self.symmetry
+        )
 
     @property
     def logged(self) -> "LoggedRun":
@@ -164,8 +167,9 @@ def _sections(data: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
 
 
 def _known(data: Mapping[str, Any]) -> list[str]:
-    """Return the settings that a card may have: of its recipe, and of its simulator."""
-    kinds = {name: field.default_factory for name, field in Recipe.model_fields.items()}
+    """Return the settings that a card may have: of its recipe, symmetry and simulator."""
+    recipe = {name: field.default_factory for name, field in Recipe.model_fields.items()}
+    kinds: dict[str, Any] = recipe | {"symmetry": SymmetryConfig}
     env = data.get("env")
     with suppress(ValueError):
         kinds["env"] = simulator_class(env.get("simulator") if isinstance(env, Mapping) else None)

@@ -6,15 +6,27 @@ The numbers with which it is learned are a recipe; a card is both.
 from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Annotated, Any, Self
 
-from pydantic import BeforeValidator, SerializeAsAny, field_validator, model_validator
+from pydantic import (
+    BeforeValidator,
+    Field,
+    SerializeAsAny,
+    ValidationError,
+    ValidationInfo,
+    field_validator,
+    model_validator,
+)
+from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from repaint_cli.envs.registry import simulator_class
 from repaint_cli.envs.simulator import Simulator
+from repaint_cli.envs.symmetry import Symmetry
 from repaint_cli.settings import EvalConfig, Settings
+from repaint_cli.tasks.symmetry import SymmetryConfig
 
 if TYPE_CHECKING:
     from repaint_cli.envs.reward_functions import Functions
     from repaint_cli.envs.reward_terms import RewardTerms
+    from repaint_cli.policies.spaces import Spaces
 
 
 class RewardCode(Settings):
@@ -44,6 +56,9 @@ class Task(Settings):
     """Weights w by the names of the terms φ, in multiples of the environment's own coefficients."""
     reward_code: RewardCode | None = None
     """In place of weighed terms: a function of the racer's `params`, the one term "function"."""
+    symmetry: SymmetryConfig | None = Field(None, exclude_if=lambda value: value is None)
+    """A reflection of the environment, where the simulator knows none. The task is the same
+    without."""
 
     @field_validator("reward")
     @classmethod
@@ -59,6 +74,22 @@ class Task(Settings):
         if self.reward_code and list(self.reward) != ["function"]:
             raise ValueError("a reward function stands alone: leave the other terms out")
         return self
+
+    @field_validator("symmetry")
+    @classmethod
+    def _of_its_terms(
+        cls, symmetry: SymmetryConfig | None, info: ValidationInfo
+    ) -> SymmetryConfig | None:
+        env, reward = info.data.get("env"), info.data.get("reward")
+        if symmetry is None or env is None or reward is None:
+            return symmetry
+        if not env.takes_symmetry:
+            raise ValueError(f"expected none, as the simulator '{env.simulator}' knows its own")
+        if unknown := sorted(set(symmetry.odd) - reward.keys()):
+            problem = PydanticCustomError("odd", "expected terms that [reward] names")
+            where = InitErrorDetails(type=problem, loc=("odd",), input=unknown)
+            raise ValidationError.from_exception_data(cls.__name__, [where])
+        return symmetry
 
     def __eq__(self, other: object) -> bool:
         """Return whether both are the same task; a term that weighs 0 makes no difference."""
@@ -91,6 +122,24 @@ class Task(Settings):
         """Return the same task with these terms too, with weight 0 where it has none."""
         absent = {name: 0.0 for name in sorted(terms) if name not in self.reward}
         return self.model_copy(update={"reward": self.reward | absent}) if absent else self
+
+    @property
+    def symmetries(self) -> tuple[Symmetry, ...]:
+        """The reflection that the card names, else those that the simulator knows."""
+        return (self.symmetry.symmetry(),) if self.symmetry else self.env.symmetries()
+
+    def why_no_symmetry(self) -> str | None:
+        """Return why `symmetries` is empty, for people; None where it is not."""
+        return None if self.symmetry else self.env.why_no_symmetry()
+
+    def check_symmetry(self, spaces: "Spaces") -> None:
+        """Check that the symmetry that the card names, if it does, fits its environment.
+
+        Raises:
+            CardError: its numbers are not those of these spaces.
+        """
+        if self.symmetry:
+            self.symmetry.check_fits(spaces)
 
     def code_at_risk(self) -> str | None:
         """Return what of it is user code or a user file, for people; None where nothing is."""

@@ -6,7 +6,9 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from pydantic import Field, JsonValue, field_validator
 
+from repaint_cli.envs.gymnasium.symmetries import symmetries_of, unknown_because
 from repaint_cli.envs.simulator import Simulator
+from repaint_cli.envs.symmetry import Symmetry
 from repaint_cli.errors import CardError
 from repaint_cli.settings import EvalConfig
 
@@ -96,6 +98,14 @@ class GymnasiumSimulator(Simulator):
     def same_world(self, other: Simulator) -> bool:
         """Return whether both are the same environment: only its infos show its terms."""
         return isinstance(other, GymnasiumSimulator) and self.id == other.id
+
+    def symmetries(self) -> tuple[Symmetry, ...]:
+        """Return the known reflections of the environment, unless an argument may change them."""
+        return symmetries_of(self.id, self.kwargs)
+
+    def why_no_symmetry(self) -> str | None:
+        """Return why no symmetry is known; see `Simulator.why_no_symmetry`."""
+        return unknown_because(self.id, self.kwargs)
 
     def code_at_risk(self) -> str | None:
         """Return the module that is imported, or a file that the environment reads."""

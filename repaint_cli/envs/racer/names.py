@@ -1,4 +1,4 @@
-"""What the racer's infos are called: records of a step, reward terms, ends of episodes."""
+"""What the racer reports, without arrays: records of a step, reward terms, ends of episodes."""
 
 RECORDS = (
     "x", "y", "heading", "speed", "steering", "progress", "lap_time", "wheels_on", "waypoint",
@@ -19,3 +19,6 @@ STATUS = (
     "in_progress", "lap_complete", "off_track", "immobilized", "reversed", "time_up", "crashed",
 )  # fmt: skip
 """What the record `status` counts off."""
+
+BEAMS = 64
+"""Ranges of a lidar."""

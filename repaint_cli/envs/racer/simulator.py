@@ -7,8 +7,10 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
 from pydantic import Field, field_validator
 
+from repaint_cli.envs.racer.mirror import symmetries_of, unpaired_action
 from repaint_cli.envs.racer.names import BOT_RECORDS, BOT_TERMS, RECORDS, STATUS, TERMS
 from repaint_cli.envs.simulator import CheckedFile, Simulator
+from repaint_cli.envs.symmetry import Symmetry
 from repaint_cli.errors import CardError, RepaintError
 from repaint_cli.settings import EvalConfig
 
@@ -138,6 +140,16 @@ class RacerSimulator(Simulator):
     def reward_terms(self) -> frozenset[str]:
         """All terms that it can pay."""
         return TERMS | BOT_TERMS if self.n_bots else TERMS
+
+    takes_symmetry: ClassVar[bool] = False
+
+    def symmetries(self) -> tuple[Symmetry, ...]:
+        """Return the reflection from left to right, where each action has a mirror image."""
+        return symmetries_of(self.actions, self.sensors)
+
+    def why_no_symmetry(self) -> str | None:
+        """Return which action has no mirror image; see `Simulator.why_no_symmetry`."""
+        return unpaired_action(self.actions)
 
     # Files and code that a card brings along
 

@@ -11,7 +11,6 @@ BOT_LENGTH, BOT_WIDTH, BOT_HEIGHT = 0.324, 0.188, 0.21
 """Of a bot's visible body, m; its collision rectangle is in `dynamics.encounters`."""
 END_LUMA, SIDE_LUMA = 40, 28
 """Grey levels of its faces, apart so that its heading can be seen; no camera sees its top."""
-BEAMS = 64
 BEAM_X = 0.02913
 """From the base to the lidar, ahead, m."""
 FIRST_BEAM, BEAM_SPAN = -2.61799, 5.23598
@@ -55,8 +54,9 @@ def scan_rows(rows: np.ndarray, states: np.ndarray, poses: np.ndarray, ranges: n
         rows: which cars, (K,).
         states: base x, y (m) and heading (rad) first, (N, ≥3).
         poses: of their bots, (N, B, ≥3).
-        ranges: filled, (N, 64), m; `RANGE` where nothing is nearer.
+        ranges: filled, (N, beams), m; `RANGE` where nothing is nearer.
     """
+    beams = ranges.shape[1]
     reach = RANGE + BOT_LENGTH
     for row in rows:
         yaw = states[row, 2]
@@ -67,8 +67,8 @@ def scan_rows(rows: np.ndarray, states: np.ndarray, poses: np.ndarray, ranges: n
             box = poses[row, bot]
             if (box[0] - x) ** 2 + (box[1] - y) ** 2 > reach * reach:
                 continue
-            for k in range(BEAMS):
-                angle = yaw + np.pi + FIRST_BEAM + BEAM_SPAN * k / (BEAMS - 1)
+            for k in range(beams):
+                angle = yaw + np.pi + FIRST_BEAM + BEAM_SPAN * k / (beams - 1)
                 ranges[row, k] = min(ranges[row, k], beam(x, y, angle, box))
 
 

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from repaint_cli.envs.racer.dynamics.directions import Rows
 from repaint_cli.envs.racer.dynamics.fleet import Fleet
+from repaint_cli.envs.racer.names import BEAMS
 from repaint_cli.envs.racer.sight import boxes
 from repaint_cli.envs.racer.sight.camera import (
     EYE_OFFSETS,
@@ -62,14 +63,14 @@ class Sensors:
         camera = spaces.Box(0, 255, (HEIGHT, WIDTH, len(self._eye_offsets)), np.uint8)
         if not self._has_lidar:
             return camera
-        lidar = spaces.Box(self._range_min, boxes.RANGE, (boxes.BEAMS,), np.float32)
+        lidar = spaces.Box(self._range_min, boxes.RANGE, (BEAMS,), np.float32)
         return spaces.Dict({"camera": camera, "lidar": lidar})
 
     def read(self, rows: Rows, fleet: Fleet, rngs: Sequence[np.random.Generator]) -> Readings:
         """Return the readings of these cars (K,) in new arrays (N, …), not filled for others."""
         n = len(fleet.states)
         images = np.empty((n, HEIGHT, WIDTH, len(self._eye_offsets)), np.uint8)
-        ranges = np.empty((n, boxes.BEAMS), np.float32)
+        ranges = np.empty((n, BEAMS), np.float32)
 
         def read_part(part: Rows) -> None:
             self._draw(part, fleet, rngs, images)
@@ -112,10 +113,10 @@ class Sensors:
         rngs: Sequence[np.random.Generator],
         ranges: NDArray[np.float32],
     ) -> None:
-        exact = np.full((len(fleet.states), boxes.BEAMS), boxes.RANGE)
+        exact = np.full((len(fleet.states), BEAMS), boxes.RANGE)
         if fleet.bots is not None:
             boxes.scan_rows(rows, fleet.states, fleet.bots.poses, exact)
         for row in rows:
-            noise = RANGE_NOISE * rngs[row].standard_normal(boxes.BEAMS)
+            noise = RANGE_NOISE * rngs[row].standard_normal(BEAMS)
             noisy = np.where(exact[row] < boxes.RANGE, exact[row] + noise, boxes.RANGE)
             ranges[row] = np.clip(noisy, self._range_min, boxes.RANGE)
