@@ -26,7 +26,8 @@ from repaint_cli.runs.experiment import Experiment
 from repaint_cli.runs.metrics import Report, append_csv
 from repaint_cli.runs.owner import new_run
 from repaint_cli.runs.plan import Plan
-from repaint_cli.runs.record import MOST_ALARMS, Alarm
+from repaint_cli.runs.record import MOST_ALARMS
+from repaint_cli.runs.record_parts import Alarm
 from repaint_cli.tasks.card_files import read_task
 
 BEHIND, TIMES = 20_000, 40

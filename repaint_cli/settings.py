@@ -71,6 +71,9 @@ class PPOConfig(Settings):
     """Valid environment steps in a rollout; absent when `n_episodes` counts instead."""
     n_episodes: int | None = Field(None, gt=0)
     """Whole episodes in a rollout; when given, n_envs is not used."""
+    max_steps: int | None = Field(None, gt=0)
+    """About how many steps a rollout's episodes may take, by the mean length of those before: a
+    seed then plays fewer than `n_episodes`, but no fewer than five. Absent: always all."""
     n_envs: int = Field(40, gt=0)
     """Environments per seed that share the `n_steps` of a rollout."""
     n_epochs: int = Field(10, gt=0)
@@ -136,6 +139,8 @@ class PPOConfig(Settings):
     def _one_length(self) -> "PPOConfig":
         if self.n_episodes is None and self.n_steps is None:
             raise ValueError("a rollout needs n_steps or n_episodes")
+        if self.max_steps is not None and self.n_episodes is None:
+            raise ValueError("max_steps limits n_episodes, and there are none: n_steps is exact")
         return self
 
 

@@ -16,14 +16,15 @@ SCRATCH = ["transfer", "--task", "reacher", "--method", "scratch", *QUICK]
 QUIET = {"kept_fraction": [0.5], "kept_reward": [2], "student_reward": [1]}
 
 
-def report(k=4, returns=((0.0, 0.0),), **numbers):
+def report(k=4, returns=((0.0, 0.0),), lengths=((9.0, 9.0),), **numbers):
     given = {name: np.array(values, float) for name, values in numbers.items()}
-    played = SimpleNamespace(returns=np.array(returns, float))
+    played = SimpleNamespace(returns=np.array(returns, float), lengths=np.array(lengths, float))
     return Report(IterationStats(k, "instance", given), played, 0.0)
 
 
-def said(*args, before=(), reference=None, **numbers):
-    return [(a.kind, a.text) for a in alarms_of(report(*args, **numbers), before, reference)]
+def said(*args, before=(), lengths=(), reference=None, **numbers):
+    found = alarms_of(report(*args, **numbers), before, lengths, reference)
+    return [(alarm.kind, alarm.text) for alarm in found]
 
 
 @pytest.mark.parametrize(
@@ -69,13 +70,34 @@ def test_a_promise_of_the_critic_that_did_not_come_true(now, promised, alarm):
     assert not said(1, [(0.0, 0.0)], **QUIET, kept_advantage=[promised])
 
 
+@pytest.mark.parametrize(
+    ("lengths", "returns", "alarm"),
+    [
+        ((119, 88, 71), (-40, -35, -32), True),  # -0.34, -0.40, -0.45 a step
+        ((119, 88, 71), (-119, -88, -71), True),  # -1 a step
+        ((119, 88, 71), (-40, -20, -30), True),  # -0.34, -0.23, -0.42 a step
+        ((119, 88, 71), (-40, -28, -20), False),  # a step costs less
+        ((119, 88, 71), (40, 28, 20), False),  # a step earns
+        ((119, 117, 115), (-40, -41, -42), False),  # by chance
+        ((88, 119, 71), (-30, -45, -32), False),  # longer between
+    ],
+)
+def test_episodes_that_end_ever_sooner_since_steps_cost(lengths, returns, alarm):
+    before = [np.array([(own, own)], float) for own in returns[:2]]
+    played = report(4, [(returns[2], returns[2])], [(lengths[2], lengths[2])])
+    found = alarms_of(played, before, [np.array([own], float) for own in lengths[:2]], None)
+    assert [one.kind for one in found] == ["ever-shorter"] * alarm
+    if alarm:
+        assert "episodes shorten (119 to 71 steps) and a step costs no less (-" in found[0].text
+
+
 def test_three_iterations_in_a_row_under_scratch():
     reference = np.array([[5.0, 5, 5, 5], [7.0, 7, 7, 7]])  # 6 ± 1
     reports = [report(k, [(own, own)]) for k, own in enumerate((4.0, 5.5, 4.0, 4.0, 4.0), 1)]
 
     def kinds(k):
         before = [earlier.evaluation.returns for earlier in reports[: k - 1]]
-        found = alarms_of(reports[k - 1], before, reference)
+        found = alarms_of(reports[k - 1], before, (), reference)
         return [alarm.kind for alarm in found]
 
     assert [kinds(k) for k in (1, 2, 3, 4)] == [[], [], [], []]

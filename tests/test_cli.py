@@ -25,6 +25,7 @@ from repaint_cli.policies.spaces import Spaces
 from repaint_cli.runs.experiment import Experiment
 from repaint_cli.runs.plan import Plan
 from repaint_cli.tasks.card_files import read_task
+from repaint_cli.zoo.view_names import TeacherFile
 
 SCRATCH = ["transfer", "--task", "reacher", "--method", "scratch", *QUICK]
 
@@ -249,7 +250,7 @@ def test_a_warm_start_may_leave_the_critic_and_set_the_spread_anew(home, what):
     card = read_task("reacher").with_settings([*settings, "ppo.n_steps=204", "ppo.n_envs=4"])
     fresh = Experiment.prepare(Plan(card, "scratch", [0], home / "one")).learner.student.weights
     student = Experiment.prepare(
-        Plan(card, "warm-start", [0], home / "two", (path,))
+        Plan(card, "warm-start", [0], home / "two", (TeacherFile(path),))
     ).learner.student
     teacher = weights_of(path)
     for name, leaf in student.weights.items():

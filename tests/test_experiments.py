@@ -25,6 +25,7 @@ from repaint_cli.runs.estimate import Estimate
 from repaint_cli.runs.plan import Plan
 from repaint_cli.tasks.card_files import read_task
 from repaint_cli.tasks.similarity import cosine
+from repaint_cli.zoo.view_names import TeacherFile
 
 ALL = {one.name: one for one in list_experiments()}
 ITEMS = {
@@ -182,7 +183,7 @@ def test_the_two_readings_of_the_penalty():
 def test_a_teacher_of_the_hard_reading_teaches_the_soft_one():
     soft = read_task("racer-outer-soft")
     teacher = shipped("zoo") / "racer-inner.safetensors"
-    _, teachers = Plan(soft, "repaint", [0], Path("run"), (teacher,)).check()
+    _, teachers = Plan(soft, "repaint", [0], Path("run"), (TeacherFile(teacher),)).check()
     assert [card.name for card in teachers.cards] == ["racer-inner"]
 
 

@@ -7,7 +7,8 @@ import pytest
 from repaint_cli.runs.folder import RunFolder
 from repaint_cli.runs.labels import labels_of
 from repaint_cli.runs.reader import RecordedRun
-from repaint_cli.runs.record import RunRecord, TeacherRecord
+from repaint_cli.runs.record import RunRecord
+from repaint_cli.runs.record_parts import TeacherRecord
 from repaint_cli.tasks.card_files import read_task
 
 

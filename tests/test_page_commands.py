@@ -10,7 +10,7 @@ from written_runs import climb, write_run
 
 from repaint_cli.files.atomic import sha256
 from repaint_cli.runs.reader import read_run
-from repaint_cli.runs.record import TeacherRecord
+from repaint_cli.runs.record_parts import TeacherRecord
 from repaint_cli.runs.run_command import command_of, compare_command
 from repaint_cli.zoo.store import shipped_file
 

@@ -4,6 +4,7 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
+from small_learners import learner_of
 from small_tasks import guess, reach, scripted
 from torch.testing import assert_close
 
@@ -12,6 +13,8 @@ from repaint_cli.learn.rollout.collect import collect, start
 from repaint_cli.learn.rollout.observations import Observations
 from repaint_cli.learn.seeding import Purpose
 from repaint_cli.policies.distributions import Categorical, Gaussian
+from repaint_cli.settings import PPOConfig
+from repaint_cli.tasks.card_files import read_task
 
 NAN = float("nan")
 
@@ -306,3 +309,55 @@ def test_an_environment_that_has_just_begun_again_does_not_start_an_episode_it_n
     env, first = scripted(counting(8, 2), np.ones((8, 2)), [(1, 0), (2, 1), (5, 0), (6, 1)])
     rollout = collect(env, first, gaussian(), generators(1), n_steps=5, whole=True)
     assert rollout.valid[:, 0].sum(0).tolist() == [2, 3]
+
+
+def test_a_seed_whose_episodes_are_long_plays_fewer_of_them():
+    task = guess(n_episodes=12, max_steps=60)
+    learner = learner_of(task, (0, 1, 2))
+    learner.episode_lengths = np.array([0.0, 6.0, 30.0])  # not known, short, long
+    rollout = learner.collect(task, 1)
+    assert [len(set(envs)) for envs in played(rollout)] == [12, 10, 5]
+    lengths = learner.episode_lengths
+    assert lengths.tolist() == rollout.mean_episodes()[1].tolist()
+    again = learner.collect(task, 2)
+    wanted = np.clip(np.floor(60 / lengths), 5, 12)
+    assert [len(set(envs)) for envs in played(again)] == wanted.tolist()
+
+
+def test_a_seed_plays_what_it_would_play_alone():
+    """Its neighbours' episodes change neither how many it plays nor how they go."""
+    task = guess(n_episodes=12, max_steps=60)
+    both, alone = learner_of(task, (0, 1)), learner_of(task, (0,))
+    both.episode_lengths, alone.episode_lengths = np.array([10.0, 6.0]), np.array([10.0])
+    one, other = both.collect(task, 1), alone.collect(task, 1)
+    assert one.mean_episodes()[1][0] == other.mean_episodes()[1][0]
+
+
+def test_fewer_episodes_begin_at_places_that_are_spread():
+    task = read_task("racer-inner").with_settings(["ppo.max_steps=50", "env.max_steps=4"])
+    learner = learner_of(task, (0,))
+    learner.episode_lengths = np.array([10.0])
+    rollout = learner.collect(task, 3)
+    assert played(rollout) == [[3, 7, 11, 15, 19]]
+    assert rollout.valid.sum() == 20  # 5 cars, 4 steps each
+    starts = rollout.records["waypoint"][0, 0, [3, 7, 11, 15, 19]]
+    assert len(set(starts)) == 5
+    assert [len(own) for own in played(learner.collect(task, 4))] == [12]
+
+
+def test_without_a_budget_all_episodes_are_played():
+    task = guess(n_episodes=12)
+    learner = learner_of(task, (0,))
+    learner.episode_lengths = np.array([30.0])
+    assert [len(set(envs)) for envs in played(learner.collect(task, 1))] == [12]
+
+
+def test_a_budget_needs_episodes():
+    with pytest.raises(ValueError, match="max_steps limits n_episodes, and there are none: n_st"):
+        PPOConfig(max_steps=100)
+
+
+def played(rollout):
+    """The environments that took a step, by seed."""
+    valid = rollout.valid.any(0)  # (S, N)
+    return [np.flatnonzero(own).tolist() for own in valid]

@@ -13,7 +13,8 @@ from repaint_cli.runs.alarms import alarms_until
 from repaint_cli.runs.folder import RunFolder
 from repaint_cli.runs.plan import Plan, difference
 from repaint_cli.runs.reader import read_run
-from repaint_cli.runs.record import Alarm, RunRecord, TeacherRecord
+from repaint_cli.runs.record import RunRecord
+from repaint_cli.runs.record_parts import Alarm, TeacherRecord
 from repaint_cli.runs.teachers import RunTeachers
 from repaint_cli.tasks.card_files import read_task
 
@@ -30,7 +31,7 @@ SECOND = {
     "alarms": [{"iteration": 2, "kind": "nothing-kept", "text": "iteration 2: no teacher"}],
     "seconds": 12,
 }  # fmt: skip
-NO_TEACHERS = RunTeachers(read_task("racer-inner"), (), (), ())
+NO_TEACHERS = RunTeachers(read_task("racer-inner"), (), (), (), ())
 TABLE = "iteration,seed,eval_return,eval_progress,env_steps,kickstart_coef,kept_fraction,seconds\n"
 
 

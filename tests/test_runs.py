@@ -33,6 +33,7 @@ from repaint_cli.tasks.card import TaskCard
 from repaint_cli.tasks.card_files import read_task
 from repaint_cli.tasks.card_text import to_toml
 from repaint_cli.zoo.teacher_card import read_card
+from repaint_cli.zoo.view_names import TeacherFile
 
 SCRATCH = ["transfer", "--method", "scratch", "--task", "reacher", "--run", "run", *QUICK]
 ALWAYS = {
@@ -74,7 +75,13 @@ def test_a_transfer_writes_all_it_says_and_says_all_it_writes(repaint, home):
 
     record = record_of(folder)
     assert record["teachers"] == [
-        {"name": "old-hand", "sha256": sha256(teacher), "instances": True, "file": str(teacher)}
+        {
+            "name": "old-hand",
+            "view": "",
+            "sha256": sha256(teacher),
+            "instances": True,
+            "file": str(teacher),
+        }
     ]
     assert record["seeds"] == [5, 6]
     assert (record["state"], record["iterations"]) == ("finished", 2)
@@ -140,7 +147,7 @@ def test_an_interruption_before_the_first_iteration_is_on_record(home, monkeypat
         raise KeyboardInterrupt
 
     monkeypatch.setattr(experiment, "begin_course", interrupt)
-    plan = Plan(card, "repaint", [0], home / "run", (path,))
+    plan = Plan(card, "repaint", [0], home / "run", (TeacherFile(path),))
     with pytest.raises(KeyboardInterrupt), new_run(plan) as run:
         next(run.run())
     assert record_of(home / "run")["state"] == "interrupted"

@@ -80,7 +80,7 @@ def test_other_environments_or_terms_are_not_comparable(other):
 
 def test_two_names_give_a_line(repaint):
     said = repaint("similarity", "racer-inner", "racer-outer")
-    assert said.out == "racer-inner → racer-outer  -1.000  different\n"
+    assert said.out.splitlines()[0] == "racer-inner → racer-outer  -1.000  different"
     said = repaint("similarity", "racer-inner", "reacher")
     assert (
         said.out == "racer-inner → reacher  not comparable: other simulators: racer and gymnasium\n"
@@ -103,6 +103,8 @@ def test_json_is_for_scripts(repaint):
         "target": "reacher",
         "relation": "similar",
         "reason": None,
+        "views": {},
+        "view": None,
     }
     assert pair == expected
     names = ("reacher-gentle", "reacher", "racer-inner")

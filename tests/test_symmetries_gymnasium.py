@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from repaint_cli.envs.gymnasium.simulator import GymnasiumSimulator
-from repaint_cli.envs.symmetry import SignedPermutation
 from repaint_cli.policies.spaces import Spaces
+from repaint_cli.symmetry import SignedPermutation
 
 N_STEPS = 1000
 TOLERANCE = 1e-9

@@ -6,7 +6,7 @@ import torch
 from numpy.testing import assert_array_equal
 
 from repaint_cli.envs.simulator import Simulator
-from repaint_cli.envs.symmetry import SignedPermutation, Symmetry
+from repaint_cli.symmetry import SignedPermutation, Symmetry
 
 REST = {"channels": None, "beams": None, "odd": frozenset()}
 

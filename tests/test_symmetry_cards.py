@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from gymnasium.envs.classic_control.pendulum import PendulumEnv
 
-from repaint_cli.envs.symmetry import SignedPermutation
 from repaint_cli.errors import CardError
 from repaint_cli.policies.spaces import Spaces
+from repaint_cli.symmetry import SignedPermutation
 from repaint_cli.tasks.card import TaskCard
 from repaint_cli.tasks.card_files import read_task
 

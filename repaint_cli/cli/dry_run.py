@@ -53,9 +53,9 @@ def _about(plan: "Plan", card: "TaskCard") -> Iterator[str]:
     algorithm = "" if plan.algorithm == "ppo" else f" of {plan.algorithm}"
     yield f"method: {plan.method}{algorithm}"
     yield f"seeds: {', '.join(map(str, plan.seeds))}"
-    for path in plan.teachers:
-        acts = plan.acting is None or path in plan.acting
-        yield f"teacher: {path.stem}, {path}{'' if acts else ', without its samples'}"
+    for file in plan.teachers:
+        acts = plan.acting is None or file in plan.acting
+        yield f"teacher: {file.name}, {file.path}{'' if acts else ', without its samples'}"
     yield f"folder: {plan.folder}{' (with the time at which it begins)' * plan.numbered}"
     if plan.teacher_name:
         from repaint_cli.zoo.store import own_file

@@ -137,7 +137,12 @@ def _film(options: EvaluateOptions, evaluation: "Evaluation") -> None:
 
 def _next_command(options: EvaluateOptions, policies: "Policies") -> str:
     """Return the next command worth typing."""
+    from repaint_cli.zoo.view_names import split
+
     if policies.teacher is None:  # a run's page shows its film and pictures
         return command("repaint open {}", policies.run_folder)
-    name = options.task if policies.teacher.task.reward_code else options.policy
-    return command("repaint similarity {}", str(name))
+    name = split(options.policy or "")[0]
+    if policies.teacher.task.reward_code:
+        return command("repaint similarity {}", str(options.task))
+    others = [options.task] if options.task else []
+    return command("repaint similarity" + " {}" * (1 + len(others)), name, *others)

@@ -10,6 +10,7 @@ from repaint_cli.errors import CheckpointError, StoreError
 from repaint_cli.files.commands import command
 from repaint_cli.zoo import store
 from repaint_cli.zoo.teacher_card import read_card
+from repaint_cli.zoo.view_names import split
 
 
 def of_used(files: Iterable[Path]) -> Iterator[str]:
@@ -68,5 +69,6 @@ def print_notes(*names: str) -> None:
     """
     with suppress(StoreError):  # a zoo that cannot be read: who needs it says so
         known = store.teachers()
-        for note in of_used(known[name] for name in names if name in known):
+        bare = [split(name)[0] for name in names]
+        for note in of_used(known[name] for name in bare if name in known):
             print(plain(f"note: {note}"), file=sys.stderr)

@@ -16,7 +16,7 @@ from repaint_cli.runs.comparison_words import duration
 from repaint_cli.runs.experiment import Experiment
 from repaint_cli.runs.metrics import Report
 from repaint_cli.runs.plan import Plan
-from repaint_cli.runs.record import Alarm
+from repaint_cli.runs.record_parts import Alarm
 
 
 class Screen(Watcher):
@@ -37,7 +37,9 @@ class Screen(Watcher):
         for notice in experiment.notices:
             out.print(f"[yellow]warning:[/yellow] {literal(notice)}")
         plan, self._done = experiment.plan, experiment.learner.iteration
-        _print_notes(namesakes.of_used(plan.teachers))
+        if plan.ranked and plan.begun is None:
+            _print_notes([_measured(plan)])
+        _print_notes(namesakes.of_used(file.path for file in plan.teachers))
         if plan.teacher_name:
             _print_notes(namesakes.of_planned(plan.teacher_name))
         self._unfinished, self._training = plan, True
@@ -111,6 +113,16 @@ class Screen(Watcher):
 def _print_notes(notes: Iterable[str]) -> None:
     for note in notes:
         out.print(f"note: {literal(note)}")
+
+
+def _measured(plan: Plan) -> str:
+    """Return who was measured before a run, and whom it took."""
+    steps = sum(one.steps for one in plan.ranked)
+    best, basis = plan.ranked[0], plan.ranked[-1]
+    return (
+        f"{len(plan.ranked) - 1} teachers played {steps:,} steps, which count; {best.name} earns "
+        f"{best.mean:.4g} [{best.low:.4g}, {best.high:.4g}], an untrained policy {basis.mean:.4g}"
+    )
 
 
 def next_command(trained: TrainedRun) -> str:

@@ -49,9 +49,30 @@ def similarity(
     if len(similarities.tasks) > 2:
         return _print_matrix(similarities)
     pair = similarities.pairs[0]
-    value = "" if pair.cosine is None else f"{pair.cosine:.3f}  "
+    value = "" if pair.cosine is None else f"{_number(pair.cosine)}  "
     reason = f": {plain(pair.reason)}" if pair.reason else ""
-    return print(f"{plain(pair.teacher)} → {plain(pair.target)}  {value}{pair.relation}{reason}")
+    print(f"{plain(pair.teacher)} → {plain(pair.target)}  {value}{pair.relation}{reason}")
+    _print_views(pair)
+
+
+def _print_views(pair: "Similarity") -> None:
+    """Print the cosines of a teacher's mirror images, and what to type for one that is similar."""
+    from repaint_cli.cli.console import plain
+    from repaint_cli.files.commands import command
+    from repaint_cli.zoo.store import teachers
+    from repaint_cli.zoo.view_names import with_view
+
+    for name, value in pair.views.items():
+        verdict = "similar" if value > 0 else "different"
+        teacher = plain(with_view(pair.teacher, name))
+        print(f"{teacher} → {plain(pair.target)}  {_number(value)}  {verdict}")
+    if not pair.view:
+        return
+    if pair.teacher in teachers():
+        name = with_view(pair.teacher, pair.view)
+        print(command("try: repaint transfer --teacher {} --task {}", name, pair.target))
+    else:
+        print(command("train one first: repaint train-teacher --task {}", pair.teacher))
 
 
 def _print_matrix(similarities: "Similarities") -> None:
@@ -69,7 +90,10 @@ def _print_matrix(similarities: "Similarities") -> None:
             table.add_row(literal(teacher.name), *cells)
         out.print(table)
         out.print()
-    out.print("above 0: similar, else different; *: a sub-task of the target")
+    out.print(
+        "above 0: similar, else different; *: a sub-task of the target; ~: more similar in "
+        "a mirror (name the two tasks to see it)"
+    )
     if len(groups) > 1:
         out.print("tables apart are not comparable:")
     for group in groups[1:]:
@@ -78,4 +102,10 @@ def _print_matrix(similarities: "Similarities") -> None:
 
 
 def _cell(pair: "Similarity") -> str:
-    return f"{pair.cosine:.3f}{'*' if 'sub-task' in pair.relation else ''}"
+    marks = ("*" if "sub-task" in pair.relation else "") + ("~" if pair.view else "")
+    return f"{_number(pair.cosine or 0.0)}{marks}"
+
+
+def _number(cosine: float) -> str:
+    """Return a cosine as text, without a minus where it is 0."""
+    return f"{round(cosine, 3) + 0.0:.3f}"

@@ -50,13 +50,14 @@ def transfer(options: TransferOptions) -> None:
     seeds = seed_list(options.seed, options.seeds)
     if options.dry_run:
         return dry_run(task, lambda: [_plan(options, card, seeds, method)])
+    teachers, acting = _in_view(options)
     return screen().run(
         repaint_cli.transfer,
         card,
-        options.teacher or (),
+        teachers,
         method=method,
         algorithm=algorithm,
-        instances_from=options.instances_from or (),
+        instances_from=acting,
         seeds=seeds,
         folder=options.run,
         keep=options.keep,
@@ -68,10 +69,19 @@ def _plan(options: TransferOptions, card: "TaskCard", seeds: list[int], method: 
     """Return what would be done."""
     from repaint_cli.runs.start import plan_transfer
 
+    teachers, acting = _in_view(options)
     return plan_transfer(
-        card, options.teacher or (), seeds, method, options.algorithm,
-        options.instances_from or (), options.run, options.keep,
-    )  # fmt: skip
+        card, teachers, seeds, method, options.algorithm, acting, options.run, options.keep
+    )
+
+
+def _in_view(options: TransferOptions) -> tuple[list[str], list[str]]:
+    """Return the teachers, and those whose samples are used, as they are looked at."""
+    from repaint_cli.zoo.view_names import in_view
+
+    names = (options.teacher or (), options.instances_from or ())
+    teachers, acting = (in_view(typed, options.view) for typed in names)
+    return teachers, acting
 
 
 def _resume(options: TransferOptions, folder: Path) -> None:

@@ -59,11 +59,22 @@ class TransferOptions(NamedTuple):
         option(
             WHOM,
             "TEACHER",
-            "A teacher's name (repaint zoo list) or file; again for several.",
+            "A teacher's name (repaint zoo list) or file; again for several. auto: who earns most "
+            "without training (repaint zoo rank).",
             autocompletion=completion.teachers,
         ),
         Rule(methods=TAUGHT),
     ] = None
+    view: Annotated[
+        str,
+        option(
+            WHOM,
+            "VIEW",
+            "How teachers without a view of their own (NAME:mirrored, NAME:both) are looked at: "
+            "none, mirror or both.",
+        ),
+        Rule(methods=TAUGHT),
+    ] = "none"
     instances_from: Annotated[
         list[str] | None,
         option(

@@ -9,11 +9,13 @@ from repaint_cli.cli import completion
 from repaint_cli.cli.help_page import OPTIONS, HelpPage
 from repaint_cli.cli.options import ReplaceFiles, Yes, argument, option
 from repaint_cli.cli.zoo_add import add
+from repaint_cli.cli.zoo_rank import rank
 from repaint_cli.errors import CardError, CheckpointError, some
 from repaint_cli.files.commands import command
 
 zoo = typer.Typer(no_args_is_help=True, help="List, show, check, add, export, remove teachers.")
 zoo.command("add", cls=HelpPage)(add)
+zoo.command("rank", cls=HelpPage)(rank)
 TeacherName = Annotated[
     str,
     argument("TEACHER", "A teacher's name or file.", autocompletion=completion.teachers),

@@ -10,9 +10,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self
 
-from repaint_cli.envs.symmetry import Symmetry
 from repaint_cli.errors import RenderError
 from repaint_cli.settings import EvalConfig, Settings
+from repaint_cli.symmetry import Symmetry
 
 if TYPE_CHECKING:
     from gymnasium.vector import VectorEnv
@@ -98,6 +98,8 @@ class Simulator(Settings, ABC):
         self, n_seeds: int, n_envs: int, iteration: int | None, both_directions: bool
     ) -> dict[str, Any] | None:
         """Return where S × N episodes start, for `reset`; None where the environment decides.
+
+        Where not None, "parked" may be added: which environments will not be stepped, (S · N,).
 
         Args:
             n_seeds: S.

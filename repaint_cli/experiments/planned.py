@@ -19,6 +19,7 @@ from repaint_cli.runs.folder import RunFolder
 from repaint_cli.runs.plan import Plan
 from repaint_cli.runs.reader import RecordedRun, read_run
 from repaint_cli.tasks.card import TaskCard
+from repaint_cli.zoo.view_names import TeacherFile
 
 INTO = Path("reproduce")
 """Where experiments lie, unless they are put elsewhere."""
@@ -35,6 +36,8 @@ class PlannedTeacher:
     file: Path
     key: str
     """What defines it."""
+    view: str = ""
+    """As in `TeacherFile`."""
     run: "PlannedRun | None" = None
     """Of which it is the best policy, if it is to be made."""
 
@@ -81,8 +84,8 @@ class PlannedRun:
     @property
     def plan(self) -> Plan:
         """What is to be done."""
-        paths = tuple(teacher.file for teacher in self.teachers)
-        return Plan(self.card, self.method, list(self.seeds), self.folder, paths)
+        files = tuple(TeacherFile(teacher.file, teacher.view) for teacher in self.teachers)
+        return Plan(self.card, self.method, list(self.seeds), self.folder, files)
 
     def read(self) -> RecordedRun | None:
         """Return what its folder holds, None where there is none.

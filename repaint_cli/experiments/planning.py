@@ -19,7 +19,10 @@ from repaint_cli.experiments.schema import Experiment, MadeTeacher, Panel, Scale
 from repaint_cli.files.atomic import sha256
 from repaint_cli.tasks.card import TaskCard
 from repaint_cli.tasks.card_files import read_task
-from repaint_cli.zoo import store
+from repaint_cli.tasks.methods import METHODS
+from repaint_cli.zoo import store, view_names
+from repaint_cli.zoo.teacher_card import read_card
+from repaint_cli.zoo.views import as_warm_started
 
 RUNS, TEACHERS = "runs", "teachers"
 """Folders beside those of the experiments."""
@@ -78,6 +81,8 @@ class _Maker:
         try:
             card = self._card(self.panel.task, variant.settings, scale.iterations)
             teachers = tuple(self._teacher(name) for name in self.panel.of(variant))
+            if METHODS[variant.method].warm_start:
+                card = _as_warm_started(card, teachers[0])
         except RepaintError as error:
             where = f"experiment '{self.experiment.name}', '{variant.name}'"
             raise type(error)(f"{where}: {error}") from error
@@ -95,14 +100,23 @@ class _Maker:
             read_task(task), self.experiment.preset, self.scale, settings, iterations
         )  # fmt: skip
 
-    def _teacher(self, name: str) -> PlannedTeacher:
+    def _teacher(self, typed: str) -> PlannedTeacher:
+        name, view = view_names.split(typed)
         if name not in self.made:
             path = store.find(name)
-            return PlannedTeacher(path.stem, path, sha256(path))
+            key = view_names.with_view(sha256(path), view)
+            return PlannedTeacher(view_names.with_view(path.stem, view), path, key, view)
         wanted, scale = self.made[name], self.scale
         iterations = scale.teacher_iterations or wanted.iterations
         card = self._card(wanted.task, wanted.settings, iterations)
         seeds = wanted.seeds[: scale.seeds] if scale.short else wanted.seeds
         run = self._planned(card, "scratch", seeds)
         file = self.root / TEACHERS / run.key[:KEY] / f"{name}{store.SUFFIX}"
-        return PlannedTeacher(name, file, key_of({"best of": run.key, "name": name}), run)
+        key = view_names.with_view(key_of({"best of": run.key, "name": name}), view)
+        return PlannedTeacher(view_names.with_view(name, view), file, key, view, run)
+
+
+def _as_warm_started(card: TaskCard, teacher: PlannedTeacher) -> TaskCard:
+    """Return the card of a student that starts from a teacher, which may still have to be made."""
+    own = teacher.run.card if teacher.run else read_card(teacher.file).task
+    return as_warm_started(card, teacher.file.stem, own, teacher.view)

@@ -87,7 +87,7 @@ def make_teacher(teacher: PlannedTeacher, scored: bool) -> None:
     if teacher.run is None or teacher.file.exists():
         return
     network, card = store.read_teacher(RunFolder(teacher.run.folder).best)
-    known: dict[str, object] = {"name": teacher.name}
+    known: dict[str, object] = {"name": teacher.file.stem}
     if scored:
         with doing(f"scoring {teacher.name}"):
             known["score"] = score(network, card.task, card.seed)

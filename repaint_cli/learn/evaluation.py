@@ -16,7 +16,7 @@ from repaint_cli.learn.rollout.collect import Policy, clip, collect, start
 from repaint_cli.learn.rollout.observations import each
 from repaint_cli.learn.rollout.storage import Rollout
 from repaint_cli.learn.seeding import Purpose, env_seeds, generator
-from repaint_cli.policies.networks import ActorCritic
+from repaint_cli.policies.mirror import PolicyNetwork
 from repaint_cli.policies.spaces import Spaces
 from repaint_cli.tasks.card import TaskCard
 from repaint_cli.tasks.task import Task
@@ -68,7 +68,7 @@ def never_reported(missing: Iterable[str], reported: Iterable[str], n_steps: int
 
 
 def evaluate(
-    policy: Policy | ActorCritic,
+    policy: Policy | PolicyNetwork,
     task: TaskCard,
     seeds: list[int],
     n_episodes: int,
@@ -94,7 +94,24 @@ def evaluate(
         keep_observations: whether to return what the policies observed.
         functions: the user's reward functions of earlier evaluations, whose variables go on.
     """
-    act = policy.policy if isinstance(policy, ActorCritic) else policy
+    rollout, episodes = play(
+        policy, task, seeds, n_episodes, iteration, purpose, functions=functions
+    )
+    return replace(episodes, observations=_observations(rollout)) if keep_observations else episodes
+
+
+def play(
+    policy: Policy | PolicyNetwork,
+    task: TaskCard,
+    seeds: list[int],
+    n_episodes: int,
+    iteration: int = 0,
+    purpose: Purpose = Purpose.EVALUATE,
+    *,
+    functions: Functions | None = None,
+) -> tuple[Rollout, Episodes]:
+    """Play episodes, and return them step by step, too; see `evaluate`."""
+    act = policy.policy if isinstance(policy, PolicyNetwork) else policy
     noise = task.eval.noise == "paper"
     env, obs = start(
         task, seeds, n_episodes, purpose, iteration,
@@ -105,8 +122,7 @@ def evaluate(
         rollout = collect(env, obs, act, rngs, greedy=True, record=task.env.records)
     rollout = replace(rollout, actions=clip(rollout.actions, env))
     env.close()
-    episodes = _episodes(task, rollout, env_seeds(seeds, purpose, iteration, n_episodes))
-    return replace(episodes, observations=_observations(rollout)) if keep_observations else episodes
+    return rollout, _episodes(task, rollout, env_seeds(seeds, purpose, iteration, n_episodes))
 
 
 def _episodes(task: Task, rollout: Rollout, seeds: list[int]) -> Episodes:

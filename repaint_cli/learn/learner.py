@@ -15,7 +15,11 @@ from repaint_cli.learn.rollout.transitions import Experience
 from repaint_cli.learn.seeding import Purpose, generator
 from repaint_cli.learn.update.adam import RowAdam
 from repaint_cli.policies.networks import ActorCritic
+from repaint_cli.settings import PPOConfig
 from repaint_cli.tasks.card import TaskCard
+
+FEWEST = 5
+"""Episodes of a rollout that `ppo.max_steps` leaves, at least."""
 
 
 @dataclass
@@ -32,6 +36,9 @@ class Learner:
     """Finished iterations."""
     env_steps: np.ndarray
     """Steps taken for training, the teacher's among them, (S,)."""
+    episode_lengths: np.ndarray
+    """Mean length of the episodes of the students' last rollout, steps, (S,), where it decides how
+    many they play; 0 before the first."""
     memory: Experience | None = None
     """The replay buffer of Q-learning: each seed's newest transitions."""
     streams: dict[str, Stream] = field(default_factory=dict)
@@ -48,7 +55,7 @@ class Learner:
         n = len(seeds)
         student.initialize([generator(seed, Purpose.INITIALIZE) for seed in seeds])
         optimizer = RowAdam(student, learning_rate, joint=joint)
-        return cls(student, optimizer, seeds, 0, np.zeros(n, int))
+        return cls(student, optimizer, seeds, 0, np.zeros(n, int), np.zeros(n))
 
     def collect(
         self, card: TaskCard, k: int, policy: Policy | None = None, *, n_teachers: int = 0
@@ -63,12 +70,27 @@ class Learner:
         """
         ppo = card.ppo
         with doing("collecting"):
-            return self._roll(
+            rollout = self._roll(
                 card, k, policy or self.student.policy, (Purpose.TRAIN, Purpose.ACT),
                 n_steps=None if ppo.n_episodes else even_share(ppo.n_steps or 0, 0, 1 + n_teachers),
                 n_envs=ppo.n_episodes or max(1, ppo.n_envs // (1 + n_teachers)),
-                record=card.env.records,
+                playing=self._playing(ppo, k), record=card.env.records,
             )  # fmt: skip
+        if ppo.max_steps is not None:
+            self.episode_lengths = rollout.mean_episodes()[1]
+        return rollout
+
+    def _playing(self, ppo: PPOConfig, k: int) -> np.ndarray | None:
+        """Return which of a rollout's episodes each student plays, (S, N), evenly spread."""
+        if ppo.n_episodes is None or ppo.max_steps is None:
+            return None
+        most, playing = ppo.n_episodes, np.zeros((len(self.seeds), ppo.n_episodes), bool)
+        for own, length in zip(playing, self.episode_lengths, strict=True):
+            n = most
+            if length:
+                n = min(most, max(FEWEST, int(ppo.max_steps / length)))
+            own[(np.arange(n) * most // n + k) % most] = True
+        return playing
 
     def collect_teacher(
         self,
@@ -111,11 +133,13 @@ class Learner:
         *,
         n_steps: int | None,
         n_envs: int,
+        playing: np.ndarray | None = None,
         stream: int = 0,
         record: Sequence[str] = (),
     ) -> Rollout:
         """Roll a policy out; `purposes` name the environments' seeds and the noise.
 
+        Of whole episodes each seed plays those of `playing`, (S, N), or all.
         The environments are fresh, or where the card continues episodes those of the last time.
         """
         rngs = [generator(seed, purposes[1], k, stream) for seed in self.seeds]
@@ -129,11 +153,12 @@ class Learner:
         else:
             functions = self.functions_of(purposes[0], n_envs, stream)
             env, obs = start(
-                *where, stream=stream, one_episode=n_steps is None, functions=functions
-            )
+                *where, stream=stream, one_episode=n_steps is None, functions=functions,
+                playing=playing,
+            )  # fmt: skip
             rollout = collect(
-                env, obs, policy, rngs,
-                n_steps=n_steps, whole=card.ppo.whole_episodes, record=record,
+                env, obs, policy, rngs, n_steps=n_steps, playing=playing,
+                whole=card.ppo.whole_episodes, record=record,
             )  # fmt: skip
             env.close()
         self.env_steps += rollout.valid.sum((0, 2))

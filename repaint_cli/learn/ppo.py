@@ -8,12 +8,14 @@ import torch
 from torch import Tensor
 
 from repaint_cli.errors import DivergedError, locate_divergence
+from repaint_cli.learn.distillation import distil
 from repaint_cli.learn.learner import Learner
 from repaint_cli.learn.rollout.gae import Samples, describe, to_samples
 from repaint_cli.learn.rollout.storage import Rollout
 from repaint_cli.learn.stats import IterationStats, Meter
-from repaint_cli.learn.transfer.course import Course, Iteration
+from repaint_cli.learn.transfer.course import Course
 from repaint_cli.learn.transfer.instances import collect_instances
+from repaint_cli.learn.transfer.iteration import Iteration
 from repaint_cli.learn.transfer.selection import moments, standardize
 from repaint_cli.learn.transfer.teachers import advise
 from repaint_cli.learn.update.spec import UpdateSpec
@@ -148,6 +150,8 @@ def _learn(
         importance=transfer.importance,
     )
     metrics |= update(learner.student, learner.optimizer, batch, spec, learner.shuffles(now.k))
+    if now.distils and spec.teacher is not None:
+        metrics |= distil(card, learner, now, batch, spec.teacher)
     return metrics | {"kickstart_coef": now.betas.sum(0).numpy()}
 
 

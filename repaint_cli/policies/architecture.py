@@ -57,12 +57,22 @@ class NetConfig(Settings):
     """Width of the ReLU layer between the convolutions and the head."""
     pool: int = Field(2, ge=1)
     """Side of the squares of pixels averaged before the convolutions; 1 is the paper's size."""
+    flip_images: bool = False
+    """Whether images are flipped left and right before they are read: a student that began as a
+    teacher's mirror image sees the world so."""
     shared: bool = False
     """Whether policy and critic share the convolutions."""
     precision: Literal["float32", "bf16", "auto"] = "float32"
     """What a `cnn` computes in: float32, bfloat16 (bf16: all convolutions but the first, and the
     first dense layer; weights and sums stay float32), or auto: bf16 where the CPU has instructions
     for it. A run keeps what it began with."""
+
+    @field_validator("flip_images")
+    @classmethod
+    def _reads_images(cls, flips: bool, info: ValidationInfo) -> bool:
+        if flips and info.data.get("kind") == "mlp":
+            raise ValueError("expected false where net.kind is mlp")
+        return flips
 
     @field_validator("precision")
     @classmethod
@@ -76,6 +86,19 @@ class NetConfig(Settings):
         if network == "policy" or self.value_hidden is None:
             return self.hidden
         return self.value_hidden
+
+    def alike(self, other: "NetConfig") -> bool:
+        """Return whether a policy of one can begin with the weights of the other."""
+        return self._of_weights == other._of_weights
+
+    @property
+    def _of_weights(self) -> tuple[object, ...]:
+        """What a network's weights mean something for."""
+        if self.kind == "cnn":
+            return self.kind, self.conv_torso, self.dense, self.pool, self.shared
+        scaling = (self.obs_clip, self.obs_min_std) if self.obs_normalize else None
+        widths = self.widths("policy"), self.widths("value")
+        return self.kind, *widths, self.activation, scaling
 
     @property
     def conv_torso(self) -> ConvTorso:

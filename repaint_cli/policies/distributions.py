@@ -13,6 +13,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from repaint_cli.symmetry import SignedPermutation
+
 
 @dataclass(frozen=True)
 class Gaussian:
@@ -60,6 +62,10 @@ class Gaussian:
         if min_std == 0:
             return self
         return Gaussian(self.mean, self.log_std.clamp(min=log(min_std)))
+
+    def mirrored(self, actions: SignedPermutation) -> "Gaussian":
+        """Return the distribution of mirrored actions."""
+        return Gaussian(actions(self.mean), self.log_std[..., list(actions.order)])
 
     @staticmethod
     def noise(rng: np.random.Generator, shape: tuple[int, ...]) -> np.ndarray:
@@ -119,6 +125,10 @@ class Categorical:
         """Return the distribution at a temperature: log π / temperature, normalised again."""
         return self if temperature == 1 else Categorical.from_logits(self.log_probs / temperature)
 
+    def mirrored(self, actions: SignedPermutation) -> "Categorical":
+        """Return the distribution of mirrored actions, which are numbered."""
+        return Categorical(actions(self.log_probs))
+
     @staticmethod
     def noise(rng: np.random.Generator, shape: tuple[int, ...]) -> np.ndarray:
         """Draw the noise that `sample` takes."""
@@ -139,8 +149,10 @@ def concat_samples(parts: Sequence[Distribution]) -> Distribution:
     """Return one policy at the samples of all parts, (S, ΣB), without gradients."""
     first = parts[0]
     if isinstance(first, Gaussian):
-        means = [part.mean for part in parts if isinstance(part, Gaussian)]
-        return Gaussian(torch.cat(means, 1).detach(), first.log_std.detach())
+        gaussians, log_std = [part for part in parts if isinstance(part, Gaussian)], first.log_std
+        if log_std.shape[1] != 1:  # it depends on the state
+            log_std = torch.cat([part.log_std for part in gaussians], 1)
+        return Gaussian(torch.cat([part.mean for part in gaussians], 1).detach(), log_std.detach())
     log_probs = [part.log_probs for part in parts if isinstance(part, Categorical)]
     return Categorical(torch.cat(log_probs, 1).detach())
 

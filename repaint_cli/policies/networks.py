@@ -194,7 +194,7 @@ class ActorCritic:
         """Return features (B, n) of images (B, H, W, C)."""
         torso = self.net.conv_torso
         activation = torch.tanh if torso.tanh else torch.relu
-        x = brightness(images, self.net.pool)
+        x = brightness(images.flip(2) if self.net.flip_images else images, self.net.pool)
         for layer, (_, _, stride) in enumerate(torso.layers):
             weight, bias = self._layer(f"{network}.conv{layer}", x.dtype)
             x = activation(F.conv2d(x, weight, bias, stride).to(self._dtype))

@@ -14,7 +14,8 @@ from repaint_cli.policies.normalizer import Normalizer
 from repaint_cli.runs.folder import RunFolder, runs_in
 from repaint_cli.runs.metrics import Report
 from repaint_cli.runs.reader import RecordedRun, read_run
-from repaint_cli.runs.record import Alarm, RunRecord
+from repaint_cli.runs.record import RunRecord
+from repaint_cli.runs.record_parts import Alarm
 from repaint_cli.settings import first_problem
 from repaint_cli.tasks.card import TaskCard
 
@@ -25,12 +26,19 @@ LARGE = 1e8
 """Mean squared error of a critic in returns of 10,000 and more."""
 
 IN_A_ROW = 3
-"""Iterations under the reference before there is an alarm."""
+"""Iterations under the reference, or with ever shorter episodes, before there is an alarm."""
+
+SHORTER = 0.8
+"""Of the length of the first of them: what is shorter is more than chance."""
+
+SAME = 0.02
+"""Of what a step earns: what differs less is the same."""
 
 
 def alarms_of(
     report: Report,
     before: Sequence[np.ndarray],
+    lengths: Sequence[np.ndarray],
     reference: np.ndarray | None,
     rule: str = "zeta",
     normalizer: Normalizer | None = None,
@@ -40,12 +48,14 @@ def alarms_of(
     Args:
         report: the iteration.
         before: evaluated returns (S, E) after the ones before it, the last `IN_A_ROW` − 1 at least.
+        lengths: mean lengths (S,) of the episodes of those.
         reference: evaluated mean returns (S, K) of a run from scratch on the same task, or None.
         rule: of selection; for `auto` it is no alarm to keep nothing.
         normalizer: of the students' observations.
     """
     k = report.stats.iteration
     problems = [] if len(before) else [*_check_scale(report), *_check_observations(normalizer)]
+    problems += _check_shortening(report, before, lengths)
     if "kept_reward" in report.stats.metrics:
         problems += [*_check_kept(report, rule), *_check_teachers(report)]
         problems += _check_outcome(report, before[-1:])
@@ -70,6 +80,30 @@ def _check_observations(normalizer: Normalizer | None) -> Iterator[tuple[str, st
     """Ask, once, whether policies can see what changes in the observations."""
     if line := narrow_features(normalizer):
         yield "narrow-observations", line
+
+
+def _check_shortening(
+    report: Report, before: Sequence[np.ndarray], lengths: Sequence[np.ndarray]
+) -> Iterator[tuple[str, str]]:
+    """Ask whether students end episodes early, since every step costs them.
+
+    Episodes shorten again and again, and a step still earns less than 0, and no more than before.
+    """
+    if len(lengths) < IN_A_ROW - 1:
+        return
+    ends = [*lengths[1 - IN_A_ROW :], report.evaluation.lengths.mean(1)]
+    returns = [*before[1 - IN_A_ROW :], report.evaluation.returns]
+    steps = np.array([own.mean() for own in ends])
+    paid = np.array([own.mean() for own in returns]) / steps
+    shortening = (np.diff(steps) < 0).all() and steps[-1] < SHORTER * steps[0]
+    if shortening and paid[-1] < 0 and paid[-1] <= paid[0] + SAME * abs(paid[0]):
+        yield (
+            "ever-shorter",
+            f"for {IN_A_ROW} iterations episodes shorten ({steps[0]:.0f} to {steps[-1]:.0f} steps) "
+            f"and a step costs no less ({paid[0]:.3g} to {paid[-1]:.3g}): the student learns to "
+            "end them, by its goal or by failing; if by failing, a smaller penalty in [reward] "
+            "helps",
+        )
 
 
 def _check_kept(report: Report, rule: str) -> Iterator[tuple[str, str]]:
@@ -139,29 +173,6 @@ def _check_against(
             f"for {IN_A_ROW} iterations the return was under that of the run from scratch beside "
             f"this one ({own[:, -1].mean():.4g} against {scratch[:, -1].mean():.4g})",
         )
-
-
-def schedule_warnings(task: TaskCard, begun: bool) -> list[str]:
-    """Return a sentence for each schedule that is at 0 before the run ends.
-
-    Args:
-        task: as it is carried out.
-        begun: whether the run has begun, and keeps its settings.
-    """
-    ppo, n = task.ppo, task.ppo.n_iterations
-    decays = [("learning_rate", "learning_rate_decay", "nothing is learned")]
-    if ppo.objective == "clipped":
-        decays.append(("clip_range", "clip_decay", "policies hardly learn"))
-    sentences = []
-    for name, decay, effect in decays:
-        end = getattr(ppo, decay)
-        if end is not None and end < n:
-            way = "the run keeps it as it began" if begun else f"try --set ppo.{decay}={n}"
-            sentences.append(
-                f"ppo.{name} is 0 from iteration {end + 1} of {n} on, where {effect} "
-                f"(ppo.{decay} is {end}); {way}"
-            )
-    return sentences
 
 
 def _mean(report: Report, name: str) -> float:

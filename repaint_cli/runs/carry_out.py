@@ -16,7 +16,7 @@ from repaint_cli.runs.figures import draw_run
 from repaint_cli.runs.metrics import Report
 from repaint_cli.runs.plan import Plan
 from repaint_cli.runs.reader import RecordedRun, read_run
-from repaint_cli.runs.record import Alarm
+from repaint_cli.runs.record_parts import Alarm
 from repaint_cli.runs.run_page import run_page_if_possible
 from repaint_cli.runs.trackers.tracker import TrackedRun, require, tracker_class
 from repaint_cli.runs.trackers.tracking import Tracking, trackers_of
@@ -136,7 +136,7 @@ def _train(
 def _tracked(plan: Plan) -> TrackedRun:
     """Return what trackers are told of a run."""
     settings = {"task": plan.task.model_dump(mode="json"), "method": plan.method}
-    settings |= {"algorithm": plan.algorithm, "teachers": [path.stem for path in plan.teachers]}
+    settings |= {"algorithm": plan.algorithm, "teachers": [file.name for file in plan.teachers]}
     return TrackedRun(plan.files, plan.seeds, settings)
 
 

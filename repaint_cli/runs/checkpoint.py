@@ -46,6 +46,7 @@ def save_learner(path: Path, learner: Learner, course: Course, notes: Mapping[st
         "seeds": learner.seeds,
         "iteration": learner.iteration,
         "env_steps": learner.env_steps.tolist(),
+        "episode_lengths": learner.episode_lengths.tolist(),
     }
     save(path, tensors, {**notes, **counters})
 
@@ -90,6 +91,8 @@ def _put(
     learner.streams = {name: Stream.of_state(below(name + "/", streams)) for name in names}
     learner.iteration = int(notes["iteration"])
     learner.env_steps = np.array(notes["env_steps"], int).reshape(len(learner.seeds))
+    lengths = notes.get("episode_lengths", [0.0] * len(learner.seeds))
+    learner.episode_lengths = np.array(lengths, float).reshape(len(learner.seeds))
 
 
 def load_networks(path: Path, network: ActorCritic) -> None:

@@ -20,17 +20,18 @@ from repaint_cli.learn.seeding import Purpose
 from repaint_cli.learn.transfer.course import Course
 from repaint_cli.learn.transfer.courses import course_of
 from repaint_cli.policies.networks import ActorCritic
-from repaint_cli.policies.precision import slowness_warnings
 from repaint_cli.runs import evaluations
-from repaint_cli.runs.alarms import alarms_of, alarms_until, reference_of, schedule_warnings
+from repaint_cli.runs.alarms import alarms_of, alarms_until, reference_of
 from repaint_cli.runs.checkpoint import restore, save_checkpoint, settle
 from repaint_cli.runs.folder import RunFolder
 from repaint_cli.runs.measuring import begin_course, inform_course
 from repaint_cli.runs.metrics import Report, append_csv, start_csv
+from repaint_cli.runs.notices import notices_of
 from repaint_cli.runs.plan import Plan
 from repaint_cli.runs.policies import is_of_iteration, write_policy
 from repaint_cli.runs.progress import RunProgress
-from repaint_cli.runs.record import Alarm, RunRecord
+from repaint_cli.runs.record import RunRecord
+from repaint_cli.runs.record_parts import Alarm
 from repaint_cli.runs.teachers import RunTeachers, warm_start
 from repaint_cli.tasks import trust
 from repaint_cli.tasks.card import TaskCard
@@ -109,16 +110,14 @@ class Experiment:
         student = ActorCritic(spaces, card.net, len(plan.seeds))
         joint = card.transfer.joint
         learner = Learner.fresh(student, plan.seeds, card.ppo.learning_rate, joint=joint)
+        learner.env_steps += sum(one.steps for one in plan.ranked)
         if METHODS[plan.method].warm_start:
             warm_start(student, teachers)
         reference = None
         if teachers.teachers:
             reference = reference_of(plan.folder, card, plan.algorithm)
         course = course_of(card, teachers.teachers, len(plan.seeds))
-        begun, taught_by = plan.begun is not None, {t.name: t.task.net for t in teachers.cards}
-        notices = schedule_warnings(card, begun=begun)
-        notices += slowness_warnings(card.net, taught_by, begun=begun)
-        record = plan.new_record(teachers)
+        record, notices = plan.new_record(teachers), notices_of(plan, teachers)
         return cls(plan, teachers, learner, course, record, reference, notices=notices)
 
     @property
@@ -179,15 +178,14 @@ class Experiment:
             log.log_evaluation(k, report.evaluation.steps, s)
         if paths := self.card.env.paths:
             evaluations.write(files.evaluation(k), k, report.evaluation, paths.records)
-        rows = [
-            row | {"seed": seed} for row, seed in zip(report.rows, self.plan.seeds, strict=True)
-        ]
-        append_csv(files.metrics, rows)
-        rule = self.card.select.rule
-        normalizer = self.learner.student.normalizer
-        self.newest_alarms = alarms_of(report, progress.returns, self.reference, rule, normalizer)
+        rows = zip(report.rows, self.plan.seeds, strict=True)
+        append_csv(files.metrics, [row | {"seed": seed} for row, seed in rows])
+        self.newest_alarms = alarms_of(
+            report, progress.returns, progress.lengths, self.reference, self.card.select.rule,
+            self.learner.student.normalizer,
+        )  # fmt: skip
         self.record.add_alarms(self.newest_alarms, files)
-        progress.add_evaluation(k, report.evaluation.returns)
+        progress.add_evaluation(k, report.evaluation.returns, report.evaluation.lengths)
         progress.seconds, progress.logs = report.seconds, [log.position for log in self._logs]
         save_checkpoint(self.plan, self.teachers, self.learner, self.course, progress)
         self._keep_best()

@@ -8,14 +8,16 @@ from repaint_cli.errors import CardError, NotFound, TeacherMismatch
 from repaint_cli.files.provenance import stamp
 from repaint_cli.learn.evaluation import spaces_of
 from repaint_cli.policies import weights
+from repaint_cli.policies.mirror import PolicyNetwork
 from repaint_cli.policies.networks import ActorCritic
 from repaint_cli.runs.checkpoint import NETWORKS, load_networks
 from repaint_cli.runs.folder import RUNS, RunFolder
 from repaint_cli.runs.reader import RecordedRun, newest_named, newest_run, read_run
 from repaint_cli.tasks import trust
 from repaint_cli.tasks.card import TaskCard
-from repaint_cli.zoo import store
+from repaint_cli.zoo import store, view_names
 from repaint_cli.zoo.teacher_card import TeacherCard
+from repaint_cli.zoo.views import view_of
 
 
 @dataclass(frozen=True)
@@ -24,7 +26,7 @@ class Policies:
 
     name: str
     """Of a run or a teacher, for people."""
-    network: ActorCritic
+    network: PolicyNetwork
     """The policies."""
     seeds: list[int]
     """Their run seeds, (S,)."""
@@ -79,7 +81,8 @@ def _of_run(run: RecordedRun, card: TaskCard | None) -> Policies:
 
 
 def _of_teacher(name: str, card: TaskCard | None) -> Policies:
-    network, teacher = store.read_teacher(store.find(name))
+    file = view_names.find(name)
+    network, teacher = store.read_teacher(file.path)
     if card:
         store.check_fits([teacher], card, spaces_of(card))
     code = teacher.task.code_at_risk()
@@ -89,9 +92,12 @@ def _of_teacher(name: str, card: TaskCard | None) -> Policies:
             "name the task: --task my-task.toml"
         )
     target = card or teacher.task
-    title = teacher.name if target == teacher.task else f"{teacher.name} on {target.name}"
-    folder = RUNS / target.name / f"eval-{teacher.name}-{stamp()}"
-    return Policies(title, network, [teacher.seed], target, folder, teacher)
+    target.check_symmetry(network.spaces)
+    played = view_of(network, teacher, file, target).policy
+    name = view_names.with_view(teacher.name, file.view)
+    title = name if target == teacher.task else f"{name} on {target.name}"
+    folder = RUNS / target.name / f"eval-{name.replace(':', '-')}-{stamp()}"
+    return Policies(title, played, [teacher.seed], target, folder, teacher)
 
 
 def last_policies(run: RecordedRun) -> ActorCritic:

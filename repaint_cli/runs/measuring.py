@@ -8,7 +8,7 @@ from repaint_cli.learn.evaluation import evaluate
 from repaint_cli.learn.learner import Learner
 from repaint_cli.learn.stats import IterationStats
 from repaint_cli.learn.transfer.course import Course
-from repaint_cli.policies.networks import ActorCritic
+from repaint_cli.policies.mirror import PolicyNetwork
 from repaint_cli.tasks.card import TaskCard
 
 
@@ -32,7 +32,7 @@ def begin_course(card: TaskCard, learner: Learner, course: Course) -> None:
         DivergedError: an observation or a reward is not finite.
     """
 
-    def evaluate_network(network: ActorCritic) -> np.ndarray:
+    def evaluate_network(network: PolicyNetwork) -> np.ndarray:
         episodes = evaluate(network, card, learner.seeds, card.eval.episodes)
         learner.env_steps += episodes.lengths.sum(1)
         return episodes.returns

@@ -15,12 +15,14 @@ from repaint_cli.learn.evaluation import spaces_of
 from repaint_cli.policies.spaces import Spaces
 from repaint_cli.runs.folder import RunFolder
 from repaint_cli.runs.measuring import check_episodes
-from repaint_cli.runs.record import RunRecord, TeacherRecord
+from repaint_cli.runs.record import RunRecord
+from repaint_cli.runs.record_parts import RankedRecord, TeacherRecord
 from repaint_cli.runs.teachers import RunTeachers, load_teachers
 from repaint_cli.tasks.card import TaskCard
 from repaint_cli.tasks.methods import METHODS
 from repaint_cli.tasks.transfer_settings import TransferConfig
 from repaint_cli.zoo import store
+from repaint_cli.zoo.view_names import TeacherFile
 
 
 @dataclass(frozen=True)
@@ -32,8 +34,8 @@ class Plan:
     seeds: list[int]
     folder: Path
     """Of the run; where it is `numbered`, `owner.new_run` knows the one that it got."""
-    teachers: tuple[Path, ...] = ()
-    acting: tuple[Path, ...] | None = None
+    teachers: tuple[TeacherFile, ...] = ()
+    acting: tuple[TeacherFile, ...] | None = None
     """Those whose own samples are learned from; all of them where absent."""
     algorithm: str = "ppo"
     """The algorithm, by its name in `methods.ALGORITHMS`."""
@@ -45,6 +47,8 @@ class Plan:
     """How many checkpoints to keep."""
     numbered: bool = False
     """Whether a number is added to the folder's name where it is taken."""
+    ranked: tuple[RankedRecord, ...] = ()
+    """Whom the teacher was chosen among, if it was measured; the steps of that count."""
     begun: RunRecord | None = None
     """The record of a run that goes on; None of a new one."""
 
@@ -75,6 +79,7 @@ class Plan:
             CardError: the task cannot be rolled out as its card says, or the number of teachers
                 and the settings do not go together.
             TeacherMismatch: a teacher does not fit the task.
+            NotFound: the task has no such view of a teacher.
             CheckpointError: a teacher's file is damaged.
             UsageError: no checkpoint would be kept.
         """
@@ -82,14 +87,15 @@ class Plan:
             raise UsageError(f"expected at least 1 checkpoint to keep, found {self.keep}")
         task = self.target
         spaces = spaces_of(task)
+        task.check_symmetry(spaces)
         task.check_rollout()
         check_episodes(task)
         by_q = self.algorithm == "q-learning"
         if by_q:
             q_learning.check_actions(task, spaces)
-        paths = self.teachers if METHODS[self.method].needs_teacher else ()
+        files = self.teachers if METHODS[self.method].needs_teacher else ()
         seeds = len(self.seeds)
-        return spaces, load_teachers(paths, self.acting, task, spaces, seeds, student_acts=by_q)
+        return spaces, load_teachers(files, self.acting, task, spaces, seeds, student_acts=by_q)
 
     def new_record(self, teachers: RunTeachers) -> RunRecord:
         """Return the record of the run at its beginning."""
@@ -104,6 +110,7 @@ class Plan:
             replace=self.replace,
             keep=self.keep,
             teachers=list(teachers.records),
+            ranked=list(self.ranked),
             automatic=self.target.automatic and bool(teachers.teachers),
             versions=versions(),
         )
@@ -118,7 +125,7 @@ class Plan:
             "seeds": self.seeds,
             "task": task,
             "transfer": self.transfer.model_dump(mode="json"),
-            "teachers": {teacher.name: teacher.sha256 for teacher in teachers.records},
+            "teachers": {teacher.label: teacher.sha256 for teacher in teachers.records},
             **{name: sha256(path) for name, path in self.task.env.files().items()},
         }
 
@@ -145,12 +152,15 @@ def plan_of(record: RunRecord, task: TaskCard, folder: Path) -> Plan:
         NotFound: a teacher's file is gone.
         TeacherMismatch: a teacher's file has other contents now.
     """
-    paths = [(_file_of(teacher), teacher.instances) for teacher in record.teachers]
+    files = [
+        (TeacherFile(_file_of(teacher), teacher.view), teacher.instances)
+        for teacher in record.teachers
+    ]
     return Plan(
         task, record.method, record.seeds, folder,
-        teachers=tuple(path for path, _ in paths),
-        acting=tuple(path for path, acts in paths if acts),
-        algorithm=record.algorithm, teacher_name=record.teacher_name,
+        teachers=tuple(file for file, _ in files),
+        acting=tuple(file for file, acts in files if acts),
+        ranked=tuple(record.ranked), algorithm=record.algorithm, teacher_name=record.teacher_name,
         replace=record.replace, keep=record.keep, begun=record,
     )  # fmt: skip
 

@@ -23,6 +23,8 @@ class RunProgress:
     """After which iteration it was evaluated, and which of the seeds it is, from 0."""
     returns: list[np.ndarray] = field(default_factory=list)
     """Evaluated returns (S, E) after the last iterations, as many as alarms look back."""
+    lengths: list[np.ndarray] = field(default_factory=list)
+    """Mean lengths (S,) of their episodes, steps."""
     logs: list[Mapping[str, float]] = field(default_factory=list)
     """How far each seed's log of its episodes is."""
     notices: list[str] = field(default_factory=list)
@@ -30,9 +32,10 @@ class RunProgress:
     source: Path | None = None
     """The checkpoint that it was read from."""
 
-    def add_evaluation(self, k: int, returns: np.ndarray) -> None:
-        """Take in the evaluated returns (S, E) after iteration k."""
+    def add_evaluation(self, k: int, returns: np.ndarray, lengths: np.ndarray) -> None:
+        """Take in the evaluated returns and lengths (S, E) after iteration k."""
         self.returns = [*self.returns, returns][1 - IN_A_ROW :]
+        self.lengths = [*self.lengths, lengths.mean(1)][1 - IN_A_ROW :]
         means = returns.mean(1)
         s = int(means.argmax())
         if means[s] > self.best_return:
@@ -45,6 +48,7 @@ class RunProgress:
             "best_return": self.best_return,
             "best": self.best,
             "returns": [returns.tolist() for returns in self.returns],
+            "lengths": [lengths.tolist() for lengths in self.lengths],
             "logs": self.logs,
         }
 
@@ -63,6 +67,7 @@ class RunProgress:
                 best_return=float(past["best_return"]),
                 best=(k, s),
                 returns=[np.array(returns, np.float64) for returns in past["returns"]],
+                lengths=[np.array(own, np.float64) for own in past.get("lengths", [])],
                 logs=[{str(n): float(x) for n, x in log.items()} for log in past["logs"]],
                 source=source,
             )

@@ -57,7 +57,7 @@ class RecordedRun:
     @property
     def label(self) -> str:
         """The method, its teachers if it had any, and the algorithm if it was not PPO."""
-        teachers = " and ".join(teacher.name for teacher in self.record.teachers)
+        teachers = " and ".join(teacher.label for teacher in self.record.teachers)
         algorithm = self.record.algorithm
         name = self.method if algorithm == "ppo" else f"{algorithm} {self.method}"
         name += " auto" if self.record.automatic else ""

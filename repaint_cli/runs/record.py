@@ -11,16 +11,21 @@ from pydantic import (
     NonNegativeInt,
     PositiveInt,
     ValidationError,
-    ValidationInfo,
-    ValidatorFunctionWrapHandler,
     field_validator,
 )
-from pydantic_core import PydanticUseDefault
 
 from repaint_cli.errors import CheckpointError, reported_as
 from repaint_cli.files.atomic import append_text, as_json, write_text
 from repaint_cli.files.limits import read_json
 from repaint_cli.runs.folder import RunFolder, remove
+from repaint_cli.runs.record_parts import (
+    LENIENT,
+    Alarm,
+    RankedRecord,
+    Resumption,
+    TeacherRecord,
+    or_default,
+)
 from repaint_cli.settings import MOST_SEEDS, first_problem
 from repaint_cli.tasks.methods import ALGORITHMS, METHODS
 
@@ -32,56 +37,6 @@ DECIDED = ("algorithm", "teacher_name", "replace", "keep")
 
 BEGINNING = ("versions", "resumed")
 """What a run began with; results depend on it."""
-
-LENIENT = {"lenient": True}
-"""The validation context in which a malformed part counts as absent, where it has a default."""
-
-
-def _or_default(value: Any, handler: ValidatorFunctionWrapHandler, info: ValidationInfo) -> Any:
-    """Validate a part that only a resumed run needs; see `LENIENT`."""
-    try:
-        return handler(value)
-    except ValidationError:
-        if info.context == LENIENT:
-            raise PydanticUseDefault from None
-        raise
-
-
-class Alarm(BaseModel):
-    """Something in an iteration that looks wrong."""
-
-    model_config = ConfigDict(frozen=True)
-
-    iteration: int
-    """After which it was noticed."""
-    kind: str
-    """Its kind, in a word."""
-    text: str
-    """Its text, a sentence."""
-
-
-class TeacherRecord(BaseModel):
-    """A teacher of a run."""
-
-    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9._-]+(@shipped)?$")]
-    """As in its file; NAME@shipped of a shipped one behind the user's own."""
-    sha256: str = ""
-    """Of its file."""
-    instances: bool = True
-    """Whether its own samples are learned from."""
-    file: str = ""
-    """Where its file was."""
-
-    _lenient = field_validator("sha256", "instances", "file", mode="wrap")(_or_default)
-
-
-class Resumption(BaseModel):
-    """Other versions that a run went on with."""
-
-    after: int
-    """The last iteration with the versions before."""
-    versions: dict[str, str]
-    """Of the libraries."""
 
 
 class RunRecord(BaseModel):
@@ -111,6 +66,8 @@ class RunRecord(BaseModel):
     """How many checkpoints to keep."""
     teachers: list[TeacherRecord]
     """The teachers that the run learns from, (M,)."""
+    ranked: list[RankedRecord] = []
+    """Whom the teacher was chosen among, by what they earned, if it was measured."""
     automatic: bool = False
     """Whether the transfer goes by measurements."""
     versions: dict[str, str] = {}
@@ -126,8 +83,8 @@ class RunRecord(BaseModel):
 
     _lenient = field_validator(
         "schema_version", "state", "transfer", "teacher_name", "replace", "keep", "versions",
-        "resumed", "iterations", "seconds", "alarms", mode="wrap",
-    )(_or_default)  # fmt: skip
+        "resumed", "iterations", "seconds", "alarms", "ranked", mode="wrap",
+    )(or_default)  # fmt: skip
 
     @field_validator("method", "algorithm")
     @classmethod
@@ -182,8 +139,7 @@ class RunRecord(BaseModel):
         """Name a part that a resumed run needs, and that was left out, as earlier versions did."""
         absent = [name for name in DECIDED if name not in self.model_fields_set]
         for m, teacher in enumerate(self.teachers):
-            names = TeacherRecord.model_fields.keys() - teacher.model_fields_set
-            absent += [f"teachers.{m}.{name}" for name in sorted(names)]
+            absent += [f"teachers.{m}.{name}" for name in teacher.absent]
         absent += [name for name in BEGINNING if name not in self.model_fields_set]
         return absent[0] if absent else None
 

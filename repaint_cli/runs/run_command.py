@@ -8,11 +8,13 @@ from repaint_cli.files.atomic import sha256
 from repaint_cli.files.commands import quoted
 from repaint_cli.files.paths import shipped_tasks
 from repaint_cli.files.toml import toml_value
-from repaint_cli.runs.record import RunRecord, TeacherRecord
+from repaint_cli.runs.record import RunRecord
+from repaint_cli.runs.record_parts import TeacherRecord
 from repaint_cli.tasks.card import TaskCard
 from repaint_cli.tasks.card_files import read_task
 from repaint_cli.tasks.card_settings import differing, settings_of
 from repaint_cli.zoo import store
+from repaint_cli.zoo.view_names import with_view
 
 LINE = 78
 """Letters of a line."""
@@ -87,7 +89,7 @@ def _teachers(teachers: Iterable[TeacherRecord]) -> Iterator[str]:
             for other in (name, name + store.SHIPPED)
             if other in known and sha256(known[other]) == teacher.sha256
         )
-        name = quoted(next(same, teacher.file or teacher.name))
+        name = quoted(with_view(next(same, teacher.file or teacher.name), teacher.view))
         yield from ("--teacher", name)
         if teacher.instances and not all_act:
             yield from ("--instances-from", name)

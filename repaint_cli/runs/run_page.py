@@ -79,7 +79,7 @@ def fresh_page(folder: Path | None) -> Path:
 
 
 def _facts(run: RecordedRun) -> list[tuple[str, str]]:
-    teachers = ", ".join(teacher.name for teacher in run.record.teachers)
+    teachers = ", ".join(teacher.label for teacher in run.record.teachers)
     return [
         ("method", run.method),
         ("teachers", teachers or "none"),

@@ -48,7 +48,7 @@ def _begun_with(run: RecordedRun) -> dict[str, Any]:
     facts: dict[str, Any] = {
         "method": record.method,
         "algorithm": record.algorithm,
-        "teachers": " and ".join(teacher.name for teacher in record.teachers) or "none",
+        "teachers": " and ".join(teacher.label for teacher in record.teachers) or "none",
         "seeds": record.seeds,
     }
     return facts | {f"version of {name}": version for name, version in record.versions.items()}

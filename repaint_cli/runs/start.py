@@ -7,14 +7,19 @@ from pathlib import Path
 from repaint_cli.errors import NotFound, StoreError, UsageError, some
 from repaint_cli.files.provenance import stamp
 from repaint_cli.policies.precision import resolved
+from repaint_cli.report.statistics import mean_ci
 from repaint_cli.runs.folder import RUNS
 from repaint_cli.runs.plan import Plan, plan_of
 from repaint_cli.runs.reader import read_run
+from repaint_cli.runs.record_parts import RankedRecord
 from repaint_cli.settings import MOST_SEEDS
 from repaint_cli.tasks.card import TaskCard
 from repaint_cli.tasks.methods import METHODS, method_for
-from repaint_cli.zoo import store
-from repaint_cli.zoo.teacher_card import check_name
+from repaint_cli.zoo import store, view_names
+from repaint_cli.zoo.ranking import rank
+from repaint_cli.zoo.teacher_card import check_name, read_card
+from repaint_cli.zoo.view_names import AUTO, TeacherFile
+from repaint_cli.zoo.views import as_warm_started
 
 
 def plan_teacher(
@@ -48,20 +53,61 @@ def plan_transfer(
 ) -> Plan:
     """Return the plan of a transfer; see `repaint_cli.transfer`."""
     numbers = checked_seeds(seeds)
-    method = method_for(algorithm, method)
-    paths = find_teachers(teachers, method)
-    names = [algorithm] * (algorithm != "ppo") + [method, *(path.stem for path in paths)]
+    method, ranked = method_for(algorithm, method), tuple[RankedRecord, ...]()
+    if list(teachers) == [AUTO] and METHODS[method].needs_teacher:
+        teachers, ranked = measured_teacher(card, numbers[0])
+    files = find_teachers(teachers, method)
+    names = [algorithm] * (algorithm != "ppo") + [method, *(file.name for file in files)]
     place = new_folder(folder, card.name, "-".join(names))
-    acting = find_acting(instances_from, paths)
+    acting = find_acting(instances_from, files)
+    card = as_begun(card, method, files)
     return Plan(
-        on_this_machine(card), method, numbers, place, paths, acting, algorithm, keep=keep,
-        numbered=not folder,
+        on_this_machine(card), method, numbers, place, files, acting, algorithm, keep=keep,
+        numbered=not folder, ranked=ranked,
     )  # fmt: skip
+
+
+def measured_teacher(card: TaskCard, seed: int) -> tuple[list[str], tuple[RankedRecord, ...]]:
+    """Let all teachers that fit play a task; return the one to learn from, and what all earned.
+
+    Raises:
+        NotFound: no teacher fits, or none earns more than an untrained policy.
+    """
+    ranking = rank(card, seed)
+    best, everybody = ranking.best, (*ranking.teachers, ranking.untrained)
+    if best is None:
+        first, basis = ranking.teachers[0], ranking.untrained.returns.mean()
+        raise NotFound(
+            f"--teacher auto: nobody earns more on '{card.name}' than an untrained policy (the "
+            f"best, {first.name}, {first.returns.mean():.4g} against {basis:.4g}); try --method "
+            "scratch"
+        )
+    ranked = [
+        RankedRecord(
+            name=one.name, better=one.better, cosine=one.cosine, steps=int(one.lengths.sum()),
+            **dict(zip(("mean", "low", "high"), mean_ci(one.returns), strict=True)),
+        )
+        for one in everybody
+    ]  # fmt: skip
+    return [best.name], tuple(ranked)
 
 
 def on_this_machine(card: TaskCard) -> TaskCard:
     """Return a card with what this machine decides; a run that is begun on it keeps that."""
     return card.model_copy(update={"net": resolved(card.net)})
+
+
+def as_begun(card: TaskCard, method: str, teachers: Sequence[TeacherFile]) -> TaskCard:
+    """Return a card with what the teacher decides that a student starts from.
+
+    Raises:
+        As `read_card` and `as_warm_started`.
+    """
+    if not METHODS[method].warm_start:
+        return card
+    path, view = teachers[0]
+    own = read_card(path)
+    return as_warm_started(card, store.to_type(path, own), own.task, view)
 
 
 def plan_resume(
@@ -126,7 +172,7 @@ def checked_seeds(seeds: Sequence[int]) -> list[int]:
 
 def new_folder(folder: str | Path | None, task: str, what: str) -> Path:
     """Return the folder of a new run: the one asked for, or runs/<task>/<what>-<stamp>."""
-    return Path(folder) if folder else RUNS / task / f"{what}-{stamp()}"
+    return Path(folder) if folder else RUNS / task / f"{what.replace(':', '-')}-{stamp()}"
 
 
 def new_teacher_name(name: str, replace: bool) -> str:
@@ -144,8 +190,8 @@ def new_teacher_name(name: str, replace: bool) -> str:
     return name
 
 
-def find_teachers(names: Sequence[str], method: str) -> tuple[Path, ...]:
-    """Return the teachers' files; none for a method without them.
+def find_teachers(names: Sequence[str], method: str) -> tuple[TeacherFile, ...]:
+    """Return the teachers' files and views; none for a method without them.
 
     Raises:
         NotFound: there is no such teacher, or no teacher is named for a method that needs one.
@@ -160,10 +206,12 @@ def find_teachers(names: Sequence[str], method: str) -> tuple[Path, ...]:
         raise NotFound(f"method '{method}' needs a teacher: --teacher NAME (repaint zoo list)")
     if METHODS[method].warm_start and len(names) > 1:
         raise UsageError(f"expected one --teacher to warm-start from, found {len(names)}")
-    return tuple(store.find(name) for name in names)
+    return tuple(view_names.find(name) for name in names)
 
 
-def find_acting(names: Sequence[str], teachers: Sequence[Path]) -> tuple[Path, ...] | None:
+def find_acting(
+    names: Sequence[str], teachers: Sequence[TeacherFile]
+) -> tuple[TeacherFile, ...] | None:
     """Return the files of those teachers whose own samples are used, or None for all of them.
 
     Raises:
@@ -171,9 +219,9 @@ def find_acting(names: Sequence[str], teachers: Sequence[Path]) -> tuple[Path, .
     """
     if not names:
         return None
-    acting = tuple(store.find(name) for name in names)
-    for name, path in zip(names, acting, strict=True):
-        if path not in teachers:
-            known = some([teacher.stem for teacher in teachers])
+    acting = tuple(view_names.find(name) for name in names)
+    for name, file in zip(names, acting, strict=True):
+        if file not in teachers:
+            known = some([teacher.name for teacher in teachers])
             raise UsageError(f"expected --instances-from one of {known}, found '{name}'")
     return acting

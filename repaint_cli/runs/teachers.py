@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import torch
@@ -13,11 +12,13 @@ from repaint_cli.learn.transfer.teachers import Teacher
 from repaint_cli.policies import weights
 from repaint_cli.policies.networks import ActorCritic
 from repaint_cli.policies.spaces import Spaces
-from repaint_cli.runs.record import TeacherRecord
+from repaint_cli.runs.record_parts import TeacherRecord
 from repaint_cli.tasks.card import TaskCard
 from repaint_cli.tasks.similarity import cosine
 from repaint_cli.zoo import store
 from repaint_cli.zoo.teacher_card import TeacherCard, read_card
+from repaint_cli.zoo.view_names import TeacherFile
+from repaint_cli.zoo.views import view_of
 
 
 @dataclass(frozen=True)
@@ -30,13 +31,15 @@ class RunTeachers:
     """What their files say of them, (M,)."""
     teachers: tuple[Teacher, ...]
     """What the student learns from, (M,)."""
+    networks: tuple[ActorCritic, ...]
+    """What a student may start from, (M,)."""
     records: tuple[TeacherRecord, ...]
     """What run.json says of them, (M,)."""
 
 
 def load_teachers(
-    paths: Sequence[Path],
-    acting: Sequence[Path] | None,
+    files: Sequence[TeacherFile],
+    acting: Sequence[TeacherFile] | None,
     task: TaskCard,
     spaces: Spaces,
     seeds: int,
@@ -45,7 +48,7 @@ def load_teachers(
     """Load teachers for a task.
 
     Args:
-        paths: their files.
+        files: their files, with views.
         acting: those whose own samples are used; all of them where absent.
         task: the target task, with what the method leaves of its transfer settings.
         spaces: what its policies read and write.
@@ -55,28 +58,35 @@ def load_teachers(
     Raises:
         TeacherMismatch: a teacher does not fit the task, with a line for each.
         CardError: the number of teachers and the settings do not go together.
+        NotFound: the task has no such view of a teacher.
         CheckpointError: a file is damaged.
     """
-    cards = [read_card(path) for path in paths]
+    cards = [read_card(file.path) for file in files]
     store.check_fits(cards, task, spaces)
-    acts = [acting is None or path in acting for path in paths]
-    _check_numbers(task, len(paths), sum(acts))
+    acts = [acting is None or file in acting for file in files]
+    _check_numbers(task, len(files), sum(acts))
     _check_shares(task, sum(acts), student_acts)
     _check_relevance(task, spaces)
-    teachers, records = list[Teacher](), list[TeacherRecord]()
+    _check_distillation(task)
+    teachers, networks, records = list[Teacher](), list[ActorCritic](), list[TeacherRecord]()
     task = _with_terms_of(cards, task)
-    for path, card, act in zip(paths, cards, acts, strict=True):
-        network, _ = store.read_teacher(path, seeds)
-        teachers.append(Teacher(network, act, _weights(card, task), cosine(card.task, task)))
+    for file, card, act in zip(files, cards, acts, strict=True):
+        network, _ = store.read_teacher(file.path, seeds)
+        view = view_of(network, card, file, task)
+        own = card.task.in_mirror(view.symmetry)
+        related = (_weights(own, task), cosine(own, task)) if own else (None, None)
+        teachers.append(Teacher(view.policy, act, *related))
+        networks.append(view.network)
         records.append(
             TeacherRecord(
-                name=store.name_of(path, card),
-                sha256=sha256(path),
+                name=store.name_of(file.path, card),
+                view=file.view,
+                sha256=sha256(file.path),
                 instances=act,
-                file=str(path.absolute()),
+                file=str(file.path.absolute()),
             )
         )
-    return RunTeachers(task, tuple(cards), tuple(teachers), tuple(records))
+    return RunTeachers(task, tuple(cards), tuple(teachers), tuple(networks), tuple(records))
 
 
 def _check_numbers(task: TaskCard, n_teachers: int, n_acting: int) -> None:
@@ -124,6 +134,34 @@ def _check_relevance(task: TaskCard, spaces: Spaces) -> None:
         raise CardError(f"expected vectors to observe with --select rbt, found {spaces}")
 
 
+def _check_distillation(task: TaskCard) -> None:
+    """Check that the policy alone can move, and mirror images of samples are as good as these.
+
+    Raises:
+        CardError: policy and critic share layers; or the task has no symmetry, or a reward term
+            that changes sign in the mirror.
+    """
+    if not task.transfer.distill_epochs:
+        return
+    if task.net.shared:
+        raise CardError(
+            "transfer.distill_epochs moves the policy alone, and net.shared gives the critic its "
+            "layers; leave out one of them"
+        )
+    if not task.transfer.distill_mirrored:
+        return
+    if not task.symmetries:
+        raise CardError(
+            f"transfer.distill_mirrored needs a symmetry, and task '{task.name}' has none; leave "
+            "it out"
+        )
+    if changing := task.changing_terms(task.symmetries[0]):
+        raise CardError(
+            "transfer.distill_mirrored needs reward terms that stay the same in the mirror, and "
+            f"{', '.join(changing)} of task '{task.name}' changes; leave it out"
+        )
+
+
 def _with_terms_of(cards: Sequence[TeacherCard], task: TaskCard) -> TaskCard:
     """Return the target with the teachers' terms too, where their own rewards are needed.
 
@@ -135,11 +173,11 @@ def _with_terms_of(cards: Sequence[TeacherCard], task: TaskCard) -> TaskCard:
     return task.naming(terms)
 
 
-def _weights(card: TeacherCard, task: TaskCard) -> np.ndarray | None:
+def _weights(own: TaskCard, task: TaskCard) -> np.ndarray | None:
     """Return w of a teacher's own task in the order of the target's terms, or None without one."""
-    if card.task.reward_code or task.reward_code:
+    if own.reward_code or task.reward_code:
         return None
-    return np.array(card.task.weights(task.reward))
+    return np.array(own.weights(task.reward))
 
 
 def warm_start(student: ActorCritic, loaded: RunTeachers) -> None:
@@ -152,7 +190,7 @@ def warm_start(student: ActorCritic, loaded: RunTeachers) -> None:
     task = loaded.target
     _check_same_networks(loaded.cards[0], task)
     name, log_std = loaded.cards[0].name, task.transfer.warm_start_log_std
-    leaves = dict(weights.policy_tensors(loaded.teachers[0].network, 0))
+    leaves = dict(weights.policy_tensors(loaded.networks[0], 0))
     own = weights.policy_tensors(student)
     if task.transfer.warm_start == "policy":
         leaves = {n: leaf for n, leaf in leaves.items() if not n.startswith("value.")}

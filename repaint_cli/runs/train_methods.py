@@ -8,7 +8,13 @@ from repaint_cli.errors import UsageError
 from repaint_cli.runs.estimate import Estimate, estimate
 from repaint_cli.runs.new_folder import make_new
 from repaint_cli.runs.plan import Plan
-from repaint_cli.runs.start import checked_seeds, find_teachers, new_folder, on_this_machine
+from repaint_cli.runs.start import (
+    as_begun,
+    checked_seeds,
+    find_teachers,
+    new_folder,
+    on_this_machine,
+)
 from repaint_cli.runs.workers import measure_aside, threads_of, train_all
 from repaint_cli.tasks.card import TaskCard
 from repaint_cli.tasks.methods import METHODS, method_for
@@ -86,8 +92,8 @@ def plan_methods(
         )
     card = on_this_machine(card)
     for name in methods:
-        paths = find_teachers(teachers if name in taught else (), name)
-        plans.append(Plan(card, name, numbers, root / name, paths))
+        files = find_teachers(teachers if name in taught else (), name)
+        plans.append(Plan(as_begun(card, name, files), name, numbers, root / name, files))
         plans[-1].check()  # better now than after the first method's hours
     return plans
 

@@ -33,7 +33,7 @@ class Method:
         """Switch off what this method leaves out; what remains is all the trainer sees."""
         off: dict[str, float | bool | str] = {"joint": self.joint}
         if not self.kickstart:
-            off |= {"kickstart_coef": 0.0, "kickstart_schedule": "geometric"}
+            off |= {"kickstart_coef": 0.0, "kickstart_schedule": "geometric", "distill_epochs": 0}
         if not self.instance:
             off |= {"instance": 0, "phases": "ratio"}
         if not (self.kickstart or self.instance):

@@ -13,6 +13,10 @@ if TYPE_CHECKING:
     from repaint_cli.tasks.reward_fit import Fit
 
 
+SAME = 1e-9
+"""Cosines that differ less are the same."""
+
+
 def cosine(first: Task, second: Task) -> float | None:
     """Return the similarity of two tasks, or None where their environments or terms differ.
 
@@ -25,6 +29,30 @@ def cosine(first: Task, second: Task) -> float | None:
     terms = sorted(first.reward.keys() & second.reward.keys())
     w1, w2 = (_direction(task, terms) for task in (first, second))
     return sum(a * b for a, b in zip(w1, w2, strict=True))
+
+
+def cosines_of_views(teacher: Task, target: Task) -> dict[str, float]:
+    """Return cos(g·w_T, w) by the names of the target's symmetries g, where it is another cosine.
+
+    g·w_T are the weights of what a teacher's mirror image does in the same world.
+    """
+    plain, cosines = cosine(teacher, target), {}
+    for symmetry in target.symmetries:
+        image = teacher.in_mirror(symmetry)
+        value = None if image is None else cosine(image, target)
+        if value is not None and plain is not None and abs(value - plain) > SAME:
+            cosines[symmetry.name] = value
+    return cosines
+
+
+def better_view(teacher: Task, target: Task) -> tuple[str, float] | None:
+    """Return the symmetry in whose mirror a teacher is similar and more so than as it is.
+
+    With its cosine, the highest of several; None where there is none.
+    """
+    plain, cosines = cosine(teacher, target), cosines_of_views(teacher, target)
+    better = {name: value for name, value in cosines.items() if value > max(plain or 0.0, 0.0)}
+    return max(better.items(), key=lambda pair: pair[1], default=None)
 
 
 def obstacle(first: Task, second: Task) -> str | None:
@@ -96,6 +124,10 @@ class Similarity(NamedTuple):
     """The paper's verdict."""
     reason: str | None = None
     """Why they are not comparable."""
+    views: dict[str, float] = {}  # noqa: RUF012
+    """The cosine of a teacher's mirror image, by the name of a symmetry, where it is another."""
+    view: str | None = None
+    """The symmetry in whose mirror it is similar and more so than as it is."""
 
 
 @dataclass(frozen=True)
@@ -116,7 +148,11 @@ class Similarities:
         """Return what a teacher of one of the tasks is to another one of them."""
         value = cosine(teacher, target)
         reason = obstacle(teacher, target)
-        return Similarity(teacher.name, target.name, value, relation(teacher, target), reason)
+        views, better = cosines_of_views(teacher, target), better_view(teacher, target)
+        return Similarity(
+            teacher.name, target.name, value, relation(teacher, target), reason, views,
+            better[0] if better else None,
+        )  # fmt: skip
 
     def groups(self) -> list[list[TaskCard]]:
         """Return the tasks in groups within which cosines exist."""

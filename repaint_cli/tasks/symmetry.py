@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING
 
 from pydantic import field_validator
 
-from repaint_cli.envs.symmetry import SignedPermutation, Symmetry
 from repaint_cli.errors import CardError
 from repaint_cli.settings import Settings
+from repaint_cli.symmetry import SignedPermutation, Symmetry
 
 if TYPE_CHECKING:
     from repaint_cli.policies.spaces import Spaces

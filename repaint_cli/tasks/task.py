@@ -19,8 +19,8 @@ from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from repaint_cli.envs.registry import simulator_class
 from repaint_cli.envs.simulator import Simulator
-from repaint_cli.envs.symmetry import Symmetry
 from repaint_cli.settings import EvalConfig, Settings
+from repaint_cli.symmetry import Symmetry
 from repaint_cli.tasks.symmetry import SymmetryConfig
 
 if TYPE_CHECKING:
@@ -57,8 +57,8 @@ class Task(Settings):
     reward_code: RewardCode | None = None
     """In place of weighed terms: a function of the racer's `params`, the one term "function"."""
     symmetry: SymmetryConfig | None = Field(None, exclude_if=lambda value: value is None)
-    """A reflection of the environment, where the simulator knows none. The task is the same
-    without."""
+    """A reflection of the environment, in place of those that the simulator knows. The task is the
+    same without."""
 
     @field_validator("reward")
     @classmethod
@@ -117,6 +117,20 @@ class Task(Settings):
     def weights(self, terms: Iterable[str]) -> list[float]:
         """Return w of some of its terms, in their order; 0 for those that it does not name."""
         return [self.reward.get(name, 0.0) for name in terms]
+
+    def changing_terms(self, symmetry: Symmetry) -> list[str]:
+        """Return its terms that do not stay the same in a mirror, or of which that is not known."""
+        return [name for name in self._weights() if symmetry.parity(name) != 1]
+
+    def in_mirror(self, symmetry: Symmetry | None) -> Self | None:
+        """Return the task that a policy's mirror image fulfils; None where that is not known."""
+        if symmetry is None:
+            return self
+        parities = {name: symmetry.parity(name) for name in self._weights()}
+        if self.reward_code or None in parities.values():
+            return None
+        changed = {name: -self.reward[name] for name, parity in parities.items() if parity == -1}
+        return self.model_copy(update={"reward": self.reward | changed}) if changed else self
 
     def naming(self, terms: Iterable[str]) -> Self:
         """Return the same task with these terms too, with weight 0 where it has none."""

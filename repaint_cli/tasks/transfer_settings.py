@@ -42,6 +42,14 @@ class TransferConfig(Settings):
     """What `--method warm-start` takes from the teacher; the normaliser belongs to both."""
     warm_start_log_std: float | None = None
     """log σ to begin a warm start with, in place of the teacher's; continuous actions."""
+    distill_epochs: int = Field(0, ge=0)
+    """Once, after the first update with β > 0: so many epochs of the cross-entropy to the teacher
+    alone, with weight 1, on the student's own samples; the policy moves, with α₁, and no critic."""
+    distill_minibatch: int = Field(128, gt=0)
+    """Samples per gradient step of these epochs."""
+    distill_mirrored: bool = False
+    """Whether the mirror images of these samples count as well, with the teacher's advice mirrored;
+    for tasks whose reward terms all stay the same in the mirror."""
     importance: bool = True
     """Whether A2C and REINFORCE weigh a teacher's sample by ρ = π_θ/π_teacher (paper, appendix E);
     false: by its advantage alone, which is advantage-weighted cloning of the teacher."""

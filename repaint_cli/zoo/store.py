@@ -124,6 +124,11 @@ def name_of(path: Path, card: TeacherCard) -> str:
     return card.name
 
 
+def to_type(path: Path, card: TeacherCard) -> str:
+    """Return what is typed for a teacher's file: its name, or the path of one outside the zoo."""
+    return name_of(path, card) if whose(path) else str(path)
+
+
 def remove(name: str) -> Path:
     """Remove one of the user's own teachers; return the path that it had.
 

@@ -22,6 +22,7 @@ from repaint_cli.runs.plan import Plan
 from repaint_cli.tasks.card_files import read_task
 from repaint_cli.zoo import store
 from repaint_cli.zoo.teacher_card import TeacherCard
+from repaint_cli.zoo.view_names import TeacherFile
 
 AS_WRITTEN = "ppo.compiled=false"  # compiled code takes a while to load
 AUTO = (
@@ -52,7 +53,7 @@ def plan(kind, folder, n_iterations=12):
     name, method, algorithm, settings = RUNS[kind]
     task = read_task(name) if kind == "racer" else getattr(small_tasks, name)()
     task = task.with_settings([*settings, f"ppo.n_iterations={n_iterations}", "eval.episodes=3"])
-    teachers = () if method == "scratch" else (add_teacher(task, folder.parent),)
+    teachers = () if method == "scratch" else (TeacherFile(add_teacher(task, folder.parent)),)
     return Plan(task, method, [3, 5], folder, teachers, None, algorithm)
 
 

@@ -8,9 +8,9 @@ from pydantic import Field, JsonValue, field_validator
 
 from repaint_cli.envs.gymnasium.symmetries import symmetries_of, unknown_because
 from repaint_cli.envs.simulator import Simulator
-from repaint_cli.envs.symmetry import Symmetry
 from repaint_cli.errors import CardError
 from repaint_cli.settings import EvalConfig
+from repaint_cli.symmetry import Symmetry
 
 if TYPE_CHECKING:
     from repaint_cli.envs.episodes import Episodes

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Collection
 from typing import NamedTuple
 
-from repaint_cli.envs.symmetry import SignedPermutation, Symmetry
+from repaint_cli.symmetry import SignedPermutation, Symmetry
 
 # Vectors change signs as the coordinate that is reflected does; what turns (spins, torques, the
 # vector of a quaternion) is reflected with all signs exchanged.

@@ -142,7 +142,8 @@ class RacerVectorEnv(VectorEnv[Any, NDArray[np.int64], Any]):
             seed: one an environment; an integer s stands for s, s + 1, …; None goes on with the
                 generators as they are.
             options: "lap_fraction", (N,), is where cars start, now and at autoresets; without it
-                they draw their places. "reverse", (N,), is whether a car drives the other way.
+                they draw their places. "reverse", (N,), is whether a car drives the other way;
+                "parked", (N,), whether it has no episode, where cars park after theirs.
 
         Raises:
             ValueError: the seeds or fractions are not N.
@@ -157,6 +158,8 @@ class RacerVectorEnv(VectorEnv[Any, NDArray[np.int64], Any]):
         self._is_reset = True
         rows = np.arange(self.num_envs)
         self._start(rows)
+        if options and "parked" in options:
+            self._fleet.status[np.asarray(options["parked"])] = TIME_UP
         readings = self._sensors.read(rows, self._fleet, self._rngs)
         if self._parks:
             self._parked_readings = {name: part.copy() for name, part in readings.items()}

@@ -6,7 +6,7 @@ The car, its noise, the bots and the rules know no side, so nothing but the acti
 from collections.abc import Iterator, Sequence
 
 from repaint_cli.envs.racer.names import BEAMS
-from repaint_cli.envs.symmetry import SignedPermutation, Symmetry
+from repaint_cli.symmetry import SignedPermutation, Symmetry
 
 ODD = frozenset({"lane"})
 """A policy that keeps the left lane keeps the right one in the mirror. On a mirrored track `lane`
@@ -33,6 +33,7 @@ def symmetries_of(actions: Sequence[tuple[float, float]], sensors: str) -> tuple
         channels=(1, 0) if sensors.startswith("stereo") else (0,),
         beams=tuple(reversed(range(BEAMS))) if sensors.endswith("lidar") else None,
         odd=ODD,
+        same_world=False,
         mixed=MIXED,
     )
     return (mirror,)

@@ -37,11 +37,12 @@ def start(
     noise: bool = False,
     replayable: bool = False,
     functions: Functions | None = None,
+    playing: np.ndarray | None = None,
 ) -> tuple[RewardTerms, Any]:
     """Make and reset S × N environments with seeds of their own; return the first observations.
 
     Evaluation starts are spread over the task's starts; training starts go on where the last
-    iteration's ended.
+    iteration's ended. Those that are not `playing`, (S, N), will play no episode.
     """
     env = card.make_env(
         len(seeds) * n_envs,
@@ -52,6 +53,8 @@ def start(
     )
     spread = purpose in (Purpose.EVALUATE, Purpose.SCORE)
     options = card.start_options(len(seeds), n_envs, None if spread else iteration)
+    if options is not None and playing is not None:
+        options |= {"parked": ~playing.ravel()}
     obs, _ = env.reset(seed=env_seeds(seeds, purpose, iteration, n_envs, stream), options=options)
     return env, obs
 
@@ -65,6 +68,7 @@ def collect(
     n_steps: int | None = None,
     whole: bool = False,
     each_steps: int | None = None,
+    playing: np.ndarray | None = None,
     ended: np.ndarray | None = None,
     greedy: bool = False,
     record: Sequence[str] = (),
@@ -81,6 +85,7 @@ def collect(
         whole: whether episodes that run when a seed has `n_steps` go on to their ends.
         each_steps: steps of every environment, with those that begin an episode among them: seeds
             then stop together, and the environments can go on from there.
+        playing: which environments play an episode, where each plays one, (S, N); all where absent.
         ended: where an episode ended before the first step, which begins another, (S, N).
         greedy: take the most likely action instead of a sample.
         record: further numbers to keep from `info`.
@@ -93,6 +98,8 @@ def collect(
     resetting = np.zeros(shape, bool) if ended is None else ended
     with torch.no_grad(), one_thread():
         extent = Extent(shape, n_steps, whole, each_steps)
+        if playing is not None:
+            extent.running &= playing
         return _roll(env, obs, act, RolloutBuilder(shape, record), extent, resetting)
 
 

@@ -13,6 +13,7 @@ from repaint_cli.learn.rollout.storage import Rollout
 from repaint_cli.learn.rollout.transitions import Transitions, transitions
 from repaint_cli.learn.states import below, with_prefix
 from repaint_cli.learn.transfer import schedules
+from repaint_cli.learn.transfer.iteration import Iteration
 from repaint_cli.learn.transfer.schedules import Phase
 from repaint_cli.learn.transfer.selection import (
     Moments,
@@ -24,31 +25,12 @@ from repaint_cli.learn.transfer.selection import (
 )
 from repaint_cli.learn.transfer.teachers import ActingTeacher, Teacher
 from repaint_cli.learn.update.objectives import masked_mean
+from repaint_cli.policies.mirror import PolicyNetwork
 from repaint_cli.policies.networks import ActorCritic
 from repaint_cli.tasks.card import TaskCard
 
-Evaluate = Callable[[ActorCritic], np.ndarray]
+Evaluate = Callable[[PolicyNetwork], np.ndarray]
 """Evaluates a network in the target task; returns its returns, (S, E)."""
-
-
-@dataclass(frozen=True)
-class Iteration:
-    """Iteration k: what it does, and the numbers that differ from one iteration to the next."""
-
-    k: int
-    """Its number, from 1."""
-    phase: Phase
-    """What it does."""
-    learning_rate: float
-    """Adam's step size."""
-    policy_scale: float
-    """What the policies' step size is multiplied by: α₂ in an instance iteration, else α₁."""
-    instance_scale: float
-    """What it is multiplied by for L_ins in a joint iteration: α₂."""
-    clip_range: float
-    """ε of the clipped surrogate."""
-    betas: Tensor
-    """β_k of each teacher for each seed, (M, S)."""
 
 
 @dataclass(frozen=True)
@@ -105,6 +87,8 @@ class Course(ABC):
     def __init__(self, card: TaskCard, teachers: Sequence[Teacher], n_seeds: int) -> None:
         self.card, self.teachers, self.n_seeds = card, tuple(teachers), n_seeds
         self.last = OwnBatch.empty(n_seeds)
+        self.advised = False
+        """Whether teachers have advised in an iteration before."""
         self.after_instance = False
         """Whether the last iteration was one of instance transfer."""
 
@@ -170,10 +154,13 @@ class Course(ABC):
             self.before_own_iteration(k)
         if phase == "representation" and not betas.any():
             phase = "ppo"  # no teacher advises
+        advises = bool(betas.any())
+        distils = advises and not self.advised and self.card.transfer.distill_epochs > 0
+        self.advised |= advises
         ppo, (_, alpha_2) = self.card.ppo, schedules.alphas(k, self.card.transfer)
         return Iteration(
             k, phase, schedules.learning_rate(k, ppo), self._policy_scale(k, phase), alpha_2,
-            schedules.clip_range(k, ppo), betas,
+            schedules.clip_range(k, ppo), betas, distils,
         )  # fmt: skip
 
     def _policy_scale(self, k: int, phase: Phase) -> float:
@@ -235,7 +222,8 @@ class Course(ABC):
 
     def state(self) -> dict[str, Tensor]:
         """Return what a checkpoint needs to go on, as tensors."""
-        return self.last.state() | {"after_instance": torch.tensor(self.after_instance)}
+        state = {"after_instance": self.after_instance, "advised": self.advised}
+        return self.last.state() | {name: torch.tensor(value) for name, value in state.items()}
 
     def load(self, state: Mapping[str, Tensor]) -> None:
         """Go on from a state; tensors of others are left alone.
@@ -245,3 +233,4 @@ class Course(ABC):
         """
         self.last = OwnBatch.of_state(state)
         self.after_instance = bool(state["after_instance"].numpy().item())
+        self.advised = bool(state["advised"].numpy().item())

@@ -10,7 +10,7 @@ from torch import Tensor
 from repaint_cli.learn.rollout.collect import Policy
 from repaint_cli.learn.rollout.gae import Samples, describe
 from repaint_cli.policies.distributions import Distribution, mixture
-from repaint_cli.policies.networks import ActorCritic
+from repaint_cli.policies.mirror import PolicyNetwork
 from repaint_cli.tasks.transfer_settings import TransferConfig
 
 
@@ -18,8 +18,8 @@ from repaint_cli.tasks.transfer_settings import TransferConfig
 class Teacher:
     """A policy to learn from."""
 
-    network: ActorCritic
-    """Its policy, standing S times."""
+    network: PolicyNetwork
+    """Its policy as it is looked at, standing S times."""
     acts: bool = True
     """Whether its own samples are learned from in instance iterations."""
     weights: np.ndarray | None = None
@@ -40,7 +40,7 @@ class ActingTeacher(NamedTuple):
     """Which seeds learn from its samples, (S,) bool."""
 
 
-def soften(teacher: ActorCritic, transfer: TransferConfig) -> Policy:
+def soften(teacher: PolicyNetwork, transfer: TransferConfig) -> Policy:
     """Return a teacher with a spread, the same for sampling, log-probs and the cross-entropy.
 
     A trained teacher is nearly deterministic: its samples would have likelihood ratios near 0 under

@@ -14,7 +14,11 @@ from repaint_cli.errors import DivergedError
 from repaint_cli.learn.rollout.gae import Samples
 from repaint_cli.learn.side_by_side import check, side_by_side
 from repaint_cli.learn.update.adam import RowAdam
-from repaint_cli.learn.update.objectives import instance_loss, representation_loss
+from repaint_cli.learn.update.objectives import (
+    distillation_loss,
+    instance_loss,
+    representation_loss,
+)
 from repaint_cli.learn.update.spec import Networks, UpdateSpec
 from repaint_cli.policies.networks import ActorCritic
 
@@ -171,6 +175,9 @@ def _loss(
         return instance_loss(student, batch, spec)
     index = (torch.arange(len(positions)).unsqueeze(1), positions)
     teacher = None if spec.teacher is None else spec.teacher[index]
+    if spec.loss == "distillation":
+        assert teacher is not None
+        return distillation_loss(student, batch, teacher)
     return representation_loss(student, batch, teacher, spec)
 
 

@@ -123,6 +123,15 @@ def instance_loss(
     return loss, metrics | {"log_ratio": log_ratio, "kept_clip_fraction": metrics["clip_fraction"]}
 
 
+def distillation_loss(
+    student: ActorCritic, batch: Samples, teacher: Distribution
+) -> tuple[Tensor, dict[str, Tensor]]:
+    """Return H(π_teacher‖π_θ), (S,), alone, and metrics: the policy moves, the critic does not."""
+    policy = student.policy(batch.observations.take(batch.rows), batch.counts.tolist())
+    loss = mean_over(batch.counts, batch.rows.shape[1])(teacher.cross_entropy(policy))
+    return loss, {"cross_entropy": loss}
+
+
 def _ratio_metrics(
     log_probs: Tensor, batch: Samples, clip_range: float, mean: Callable[[Tensor], Tensor]
 ) -> dict[str, Tensor]:

@@ -22,8 +22,9 @@ class UpdateSpec:
     """Epochs, minibatches and coefficients."""
     clip_range: float
     """ε of this iteration."""
-    loss: Literal["representation", "instance"] = "representation"
-    """L_rep with the critic's loss, on the student's samples, or L_ins, on the teachers'."""
+    loss: Literal["representation", "instance", "distillation"] = "representation"
+    """L_rep with the critic's loss, on the student's samples; L_ins, on the teachers'; or the
+    cross-entropy to the teacher alone, on any samples."""
     networks: Networks = "both"
     """Which networks move; L_ins moves policies only."""
     teacher: Distribution | None = None
@@ -41,8 +42,8 @@ class UpdateSpec:
     """Whether teacher samples are weighed by ρ where the objective does not contain it."""
 
     def __post_init__(self) -> None:
-        if self.loss == "instance" and self.networks != "policy":
-            raise ValueError(f"teacher samples train policies only, found {self.networks!r}")
+        if self.loss != "representation" and self.networks != "policy":
+            raise ValueError(f"{self.loss} trains policies only, found {self.networks!r}")
 
     def alone(self, seed: int, n: int) -> "UpdateSpec":
         """Return the specification for one seed, which has n samples."""

@@ -42,9 +42,9 @@ OF_INSTANCES = ("policy_loss", "approx_kl", "clip_fraction", "log_ratio")
 def applies_to(student: ActorCritic, spec: UpdateSpec) -> bool:
     """Tell whether a student's networks are dense with tanh, and the loss is the one here."""
     dense = student.net.kind == "mlp" and student.net.activation == "tanh"
-    clipped = spec.ppo.objective == "clipped" and spec.instances is None
-    plain = not (spec.ppo.weight_decay or spec.ppo.kl_weight)
-    return spec.ppo.compiled and dense and clipped and plain
+    clipped = spec.ppo.objective == "clipped" and not spec.ppo.kl_weight
+    known = spec.loss == "distillation" or (clipped and spec.instances is None)
+    return spec.ppo.compiled and dense and known and not spec.ppo.weight_decay
 
 
 def take_steps(
@@ -151,8 +151,10 @@ def _policy_data(student: ActorCritic, samples: Samples, spec: UpdateSpec) -> li
     elif isinstance(spec.teacher, Categorical):
         teacher = spec.teacher.log_probs
     betas = torch.as_tensor(0.0 if spec.teacher is None else spec.beta).expand(len(actions))
-    ent_coef = 0.0 if spec.loss == "instance" else spec.ppo.ent_coef
+    ent_coef = spec.ppo.ent_coef if spec.loss == "representation" else 0.0
     log_probs, advantages = samples.behavior_log_probs.numpy(), samples.advantages.numpy()
+    if spec.loss == "distillation":  # with Â = 0 only the cross-entropy is left
+        advantages = np.zeros_like(advantages)
     return [
         PolicyData(
             discrete, actions[s].numpy(), log_probs[s], advantages[s], teacher[s].numpy(),
@@ -184,6 +186,8 @@ def _means(metrics: np.ndarray, steps: np.ndarray) -> dict[str, np.ndarray]:
 
 def _as_written(metrics: dict[str, np.ndarray], spec: UpdateSpec) -> dict[str, np.ndarray]:
     """Return the metrics that the update as written has, by their names there."""
+    if spec.loss == "distillation":
+        return {"cross_entropy": metrics["cross_entropy"]}
     if spec.loss == "instance":
         clipped = {"kept_clip_fraction": metrics["clip_fraction"]}
         return {name: metrics[name] for name in OF_INSTANCES} | clipped

@@ -61,6 +61,9 @@ class Symmetry:
     """Of a lidar, the beam that each range comes from; None without one."""
     odd: frozenset[str]
     """Reward terms that change their sign for the mirrored policy in the same world."""
+    same_world: bool = True
+    """Whether the world is its own mirror image, so that a policy and its image earn the same where
+    all terms stay. A track is not: it has other bends."""
     mixed: frozenset[str] = frozenset()
     """Those that do neither, or of which nothing is known; all others stay as they are."""
 

@@ -1,0 +1,53 @@
+"""What is worth saying before a run begins: schedules that end early, slow arithmetic, teachers."""
+
+from repaint_cli.policies.precision import slowness_warnings
+from repaint_cli.runs.plan import Plan
+from repaint_cli.runs.teachers import RunTeachers
+from repaint_cli.tasks.card import TaskCard
+from repaint_cli.tasks.methods import METHODS
+from repaint_cli.zoo.views import hints_of_views
+
+
+def notices_of(plan: Plan, teachers: RunTeachers) -> list[str]:
+    """Return sentences about a run that is about to begin, or to go on."""
+    begun, taught_by = plan.begun is not None, {t.name: t.task.net for t in teachers.cards}
+    notices = schedule_warnings(teachers.target, begun=begun)
+    notices += slowness_warnings(teachers.target.net, taught_by, begun=begun)
+    if plan.task.transfer.distill_epochs and not _distils(plan):
+        notices.append(
+            "nothing is distilled (transfer.distill_epochs): it needs kickstarting with --beta "
+            "above 0, and PPO"
+        )
+    if not begun and METHODS[plan.method].needs_teacher:
+        notices += hints_of_views(teachers.cards, plan.teachers, teachers.target)
+    return notices
+
+
+def _distils(plan: Plan) -> bool:
+    """Return whether a teacher advises in some iteration, so that its advice can be distilled."""
+    transfer = plan.transfer
+    advises = transfer.kickstart_schedule == "auto" or any(transfer.betas(len(plan.teachers) or 1))
+    return plan.algorithm == "ppo" and transfer.distill_epochs > 0 and advises
+
+
+def schedule_warnings(task: TaskCard, begun: bool) -> list[str]:
+    """Return a sentence for each schedule that is at 0 before the run ends.
+
+    Args:
+        task: as it is carried out.
+        begun: whether the run has begun, and keeps its settings.
+    """
+    ppo, n = task.ppo, task.ppo.n_iterations
+    decays = [("learning_rate", "learning_rate_decay", "nothing is learned")]
+    if ppo.objective == "clipped":
+        decays.append(("clip_range", "clip_decay", "policies hardly learn"))
+    sentences = []
+    for name, decay, effect in decays:
+        end = getattr(ppo, decay)
+        if end is not None and end < n:
+            way = "the run keeps it as it began" if begun else f"try --set ppo.{decay}={n}"
+            sentences.append(
+                f"ppo.{name} is 0 from iteration {end + 1} of {n} on, where {effect} "
+                f"(ppo.{decay} is {end}); {way}"
+            )
+    return sentences

@@ -1,0 +1,177 @@
+"""Teachers play a task, untrained, and are ranked by what they earn."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from small_runs import QUICK, add_teacher
+
+from repaint_cli.errors import NotFound
+from repaint_cli.learn.evaluation import evaluate
+from repaint_cli.learn.seeding import Purpose
+from repaint_cli.policies.architecture import NetConfig
+from repaint_cli.policies.spaces import Spaces
+from repaint_cli.runs.reader import read_run
+from repaint_cli.tasks.card_files import read_task
+from repaint_cli.zoo import store
+from repaint_cli.zoo.ranking import Played, Ranking, rank, views_worth_playing
+from repaint_cli.zoo.teacher_card import read_card
+
+
+def played(name, returns, **known):
+    returns = np.array(returns, float)
+    nothing = np.zeros(len(returns), bool)
+    return Played(name, returns, np.full(len(returns), 50), None, nothing, 0.5, **known)
+
+
+@pytest.mark.parametrize(
+    ("teacher", "task", "views"),
+    [
+        ("reacher", "reacher", ["", "both"]),  # its image earns what it earns
+        ("ant", "ant", ["", "both", "front-back"]),  # from left to right, too
+        ("racer-inner", "racer-outer", ["", "mirrored"]),  # both would contradict each other
+        ("racer-avoid", "racer-advanced", ["", "mirrored", "both"]),  # the track has other bends
+    ],
+)
+def test_only_views_that_may_differ_are_played(teacher, task, views, tmp_path):
+    spaces = Spaces((10,), 2, False)
+    shipped = teacher.startswith("racer")
+    path = store.find(teacher) if shipped else add_teacher(tmp_path, "mine", teacher, spaces)
+    card = read_card(path)
+    assert views_worth_playing(card, read_task(task)) == views
+
+
+def test_who_earns_more_is_first_and_what_they_earn_is_an_evaluation():
+    task, heard = read_task("reacher"), []
+    ranking = rank(task, 3, 8, heard.append)
+    assert {one.name for one in heard} == {
+        name + view
+        for name in ("reacher", "reacher-gentle", "reacher-away")
+        for view in ("", ":both")
+    }
+    means = [one.returns.mean() for one in ranking.teachers]
+    assert means == sorted(means, reverse=True)
+    (gentle,) = (one for one in ranking.teachers if one.name == "reacher-gentle")
+    network, _ = store.read_teacher(store.find("reacher-gentle"))
+    wanted = evaluate(network, task, [3], 8, purpose=Purpose.SCORE).returns[0]
+    np.testing.assert_array_equal(gentle.returns, wanted)
+    assert gentle.cosine == pytest.approx(0.894, abs=5e-4)
+    assert gentle.same_networks
+    assert gentle.better > 0.6 > ranking.teachers[-1].better
+    assert ranking.best is not None
+    assert ranking.best.name.startswith("reacher")
+    assert len(ranking.untrained.returns) == 8
+
+
+@pytest.mark.parametrize(
+    ("best", "untrained", "taken"),
+    [
+        ([9.0, 10, 11, 10], [1.0, 2, 1, 2], True),
+        ([9.0, 10, 11, 10], [9.0, 10, 11, 10], False),
+        ([5.0, 20, -9, 10], [1.0, 2, 1, 2], False),  # by chance
+        ([5.0, 5, 5, 5], [1.0, 1, 1, 1], True),  # no spread at all
+        ([1.0, 1, 1, 1], [5.0, 5, 5, 5], False),
+    ],
+)
+def test_a_teacher_is_taken_where_its_lead_is_more_than_chance(best, untrained, taken):
+    teachers = (played("old-hand", best), played("other", [0.0] * 4))
+    ranking = Ranking(read_task("reacher"), played("untrained", untrained), teachers)
+    assert (ranking.best is not None) == taken
+
+
+def test_networks_are_alike_where_weights_mean_the_same():
+    net = NetConfig(hidden=(8, 8))
+    same = [{"log_std_init": -1.0}, {"value_hidden": (8, 8)}, {"pool": 4}]
+    assert all(net.alike(net.model_copy(update=change)) for change in same)
+    others = [{"activation": "relu"}, {"obs_clip": 9.0}, {"hidden": (8,)}, {"kind": "cnn"}]
+    assert not any(net.alike(net.model_copy(update=change)) for change in others)
+    car = NetConfig(kind="cnn")
+    layers = ((32, 8, 4), (64, 4, 2), (64, 3, 1))
+    same = [{"precision": "bf16"}, {"flip_images": True}, {"conv": layers}]
+    assert all(car.alike(car.model_copy(update=change)) for change in same)
+    assert not car.alike(car.model_copy(update={"pool": 1}))
+
+
+def test_the_command_says_whom_to_take_and_what_to_type(repaint, home):
+    said = repaint("zoo", "rank", "--task", "reacher", "--episodes", 4)
+    assert said.code == 0, said.err
+    *_, verdict, following = lines = said.out.splitlines()
+    assert max(map(len, lines[:-2])) <= 80
+    assert verdict.startswith("take reacher")
+    assert following.startswith("next: repaint transfer --teacher reacher")
+    assert lines[0].split()[:4] == ["teacher", "return", "[95", "%"]
+    data = json.loads(repaint("zoo", "rank", "--task", "reacher", "--episodes", 4, "--json").out)
+    assert data["take"] in verdict
+    assert len(data["policies"]) == 7
+    assert data["policies"][-1]["name"] == "untrained"
+    assert data["policies"][-1]["steps"] == 200
+    assert not (home / "runs").exists()
+
+
+def test_nobody_is_taken_where_nobody_leads(repaint, home, monkeypatch):
+    add_teacher(home / "home" / "zoo")  # an untrained one
+    only = {"old-hand": store.find("old-hand")}
+    monkeypatch.setattr(store, "teachers", lambda: only)
+    said = repaint("zoo", "rank", "--task", "reacher", "--episodes", 4)
+    assert "nobody: the best, old-hand" in said.out
+    assert said.out.splitlines()[-1] == "next: repaint transfer --task reacher --method scratch"
+
+
+def test_without_a_teacher_that_fits_one_line_says_what_to_do(repaint, home):
+    said = repaint("zoo", "rank", "--task", "cartpole")
+    assert said.code == NotFound.exit_code
+    assert said.err == (
+        "error: no teacher in the zoo fits task 'cartpole' (4 observations and 2 discrete "
+        "actions); train one: repaint train-teacher --task TASK\n"
+    )
+    said = repaint("zoo", "rank", "--task", "reacher", "--episodes", 1)
+    assert said.err == "error: expected --episodes of at least 2, found 1\n"
+
+
+def test_ways_round_are_apart_in_races(repaint, home):
+    card = home / "short.toml"
+    card.write_text('extends = "racer-advanced"\nenv.max_steps = 4\n')
+    said = repaint("zoo", "rank", "--task", "short.toml", "--episodes", 4)
+    assert said.code == 0, said.err
+    assert said.out.splitlines()[0].split()[5:7] == ["forward", "reverse"]
+    assert "racer-avoid:both" in said.out
+    assert max(map(len, said.out.splitlines()[:4])) <= 80
+
+
+def test_a_ranking_of_equal_leads_has_no_interval():
+    ranking = Ranking(read_task("reacher"), played("untrained", [1.0] * 3), ())
+    assert ranking.lead(replace(ranking.untrained, returns=np.full(3, 4.0))) == (3.0, 3.0, 3.0)
+
+
+def test_the_best_teacher_is_taken_and_what_was_measured_is_kept(repaint, home):
+    words = ["transfer", "--task", "reacher", *QUICK, "--method", "kickstart", "--run", "run"]
+    said = repaint(*words, "--teacher", "auto")
+    assert said.code == 0, said.err
+    record = json.loads((home / "run" / "run.json").read_text())
+    names = [one["name"] for one in record["ranked"]]
+    assert len(names) == 7
+    assert names[-1] == "untrained"
+    (taken,) = record["teachers"]
+    assert f"{taken['name']}:{taken['view']}".rstrip(":") == names[0]
+    assert f"note: 6 teachers played 7,000 steps, which count; {names[0]} earns" in said.out
+    plain = [*words[:-1], "plain", "--teacher", names[0]]
+    assert repaint(*plain).code == 0
+    auto, alone = (read_run(home / name).rows["env_steps"] for name in ("run", "plain"))
+    assert (auto - alone == 7000).all()
+    assert repaint("transfer", "--resume", "run", "--iterations", 3).code == 0
+    assert read_run(home / "run").rows["env_steps"][0, 2] > 7000
+    assert len(json.loads((home / "run" / "run.json").read_text())["ranked"]) == 7
+
+
+def test_nobody_is_taken_where_nobody_leads_and_nothing_is_written(repaint, home, monkeypatch):
+    add_teacher(home / "home" / "zoo")
+    only = {"old-hand": store.find("old-hand")}
+    monkeypatch.setattr(store, "teachers", lambda: only)
+    said = repaint("transfer", "--task", "reacher", "--teacher", "auto", "--run", "run", *QUICK)
+    assert said.code == NotFound.exit_code
+    assert (
+        "--teacher auto: nobody earns more on 'reacher' than an untrained policy (the" in said.err
+    )
+    assert said.err.endswith("try --method scratch\n")
+    assert not (home / "run").exists()
