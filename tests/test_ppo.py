@@ -155,6 +155,20 @@ def test_an_instance_iteration_moves_the_policy_and_neither_critic_nor_statistic
     assert torch.equal(after["var"], before["var"])
 
 
+@TASKS
+def test_an_instance_iteration_says_how_far_it_moved_the_policy(make):
+    task = make(select=keeps(EVERYTHING))
+    teacher = untrained_teacher(task, 2)
+    moved = []
+    for alpha_2 in (1.0, 0.1, 0.0):
+        _, stats = trained(task, (0, 1), teacher, kickstart_coef=0.0, alpha_2=alpha_2)
+        assert "instance_kl" not in stats[0].metrics
+        moved.append(stats[1].metrics["instance_kl"])
+    assert (moved[0] > 3 * moved[1]).all()
+    assert (moved[1] > 0).all()
+    assert (abs(moved[2]) < 1e-6).all()
+
+
 def test_a_joint_iteration_takes_only_the_students_own_observations_into_its_statistics():
     task = reach(n_iterations=1, select=keeps(EVERYTHING))
     joint, _ = trained(task, teacher=untrained_teacher(task), joint=True)

@@ -18,8 +18,10 @@ from repaint_cli.learn.transfer.instances import collect_instances
 from repaint_cli.learn.transfer.iteration import Iteration
 from repaint_cli.learn.transfer.selection import moments, standardize
 from repaint_cli.learn.transfer.teachers import advise
+from repaint_cli.learn.update.objectives import masked_mean
 from repaint_cli.learn.update.spec import UpdateSpec
 from repaint_cli.learn.update.update import update
+from repaint_cli.policies.distributions import Distribution
 from repaint_cli.policies.networks import ActorCritic
 from repaint_cli.settings import PPOConfig
 from repaint_cli.tasks.card import TaskCard
@@ -65,8 +67,17 @@ def instance_iteration(
         card.ppo, now.clip_range, loss="instance", networks="policy", policy_scale=now.policy_scale,
         importance=card.transfer.importance,
     )  # fmt: skip
-    rngs = learner.shuffles(now.k)
-    return metrics | update(learner.student, learner.optimizer, instances, spec, rngs)
+    student, rngs = learner.student, learner.shuffles(now.k)
+    before = describe(student.policy, instances) if instances.counts.any() else None
+    metrics |= update(student, learner.optimizer, instances, spec, rngs)
+    return metrics | (_moved(student, before, instances) if before else {})
+
+
+def _moved(student: ActorCritic, before: Distribution, samples: Samples) -> dict[str, np.ndarray]:
+    """Return how far policies have moved at samples, the mean KL(π_before‖π), (S,); nan of none."""
+    kl = before.cross_entropy(describe(student.policy, samples)) - before.entropy()
+    mean = masked_mean(kl, samples.counts)
+    return {"instance_kl": mean.where(samples.counts > 0, torch.nan).numpy()}
 
 
 def on_policy_iteration(

@@ -21,7 +21,7 @@ COLUMNS = (
     "kept_fraction", "kept_advantage", "kept_reward", "kept_clip_fraction", "student_reward",
     "student_return", "teacher_return",
     "log_ratio", "q_value", "epsilon", "steps_per_second", "seconds",
-    "distill_cross_entropy",
+    "distill_cross_entropy", "instance_kl",
 )  # fmt: skip
 """Of metrics.csv, one row per iteration and seed."""
 
