@@ -111,6 +111,9 @@ class PPOConfig(Settings):
     so much of a weight is added to its gradient."""
     ent_coef: float = Field(1e-4, ge=0)
     """Weight of the entropy bonus."""
+    target_kl: float | None = Field(None, gt=0)
+    """A policy takes no further epoch of an update after one whose mean approximate KL(π_old‖π) is
+    above this; the critic goes on. Absent: it always takes all."""
     vf_coef: float = Field(0.5, gt=0)
     """Weight of the value loss."""
     time_limit: Literal["bootstrap", "terminal"] = "bootstrap"

@@ -315,3 +315,30 @@ def test_networks_without_tanh_learn_as_written(activation):
         learn_from_instances(student, optimizer, batch, HAND, rngs())
     never.assert_not_called()
     assert (student.storage != before).float().mean() > 0.9
+
+
+@KINDS
+def test_both_stop_a_policy_whose_kl_is_above_the_target(discrete):
+    """Seed by seed, after the first epoch that is; critics and the others' policies go on."""
+    batch, moved = samples(discrete, 40, 33, 64), {}
+    far = batch.advantages.clone()
+    far[1] *= 0.0  # seed 1 has next to no slope, and stays near
+    batch = replace(batch, advantages=far)
+    for name, ppo in (("plain", PLAIN), ("hand", HAND)):
+        for limit in (None, 1e-6, 1e6):
+            student, optimizer = learner(discrete)
+            numbers = ppo.model_copy(update={"target_kl": limit, "n_epochs": 4, "ent_coef": 0.0})
+            rngs = [np.random.default_rng(s) for s in range(3)]
+            metrics = learn_on_policy(student, optimizer, batch, numbers, rngs)
+            moved[name, limit] = student.storage.clone(), optimizer.steps.clone().numpy(), metrics
+    steps = {limit: moved["plain", limit][1] for limit in (None, 1e-6, 1e6)}
+    assert (steps[None] == steps[1e6]).all()
+    assert (steps[None][1] == steps[1e-6][1]).all()  # critics
+    assert (steps[1e-6][0] <= steps[None][0]).all()
+    assert steps[1e-6][0, 0] == 3  # one epoch of 40 samples in minibatches of 16
+    for limit in (None, 1e-6, 1e6):
+        plain, hand = moved["plain", limit], moved["hand", limit]
+        assert_close(plain[0], hand[0], rtol=5e-5, atol=5e-5)
+        assert np.array_equal(plain[1], hand[1])
+        for name, values in plain[2].items():
+            assert_allclose(hand[2][name], values, rtol=1e-3, atol=1e-5, err_msg=name)

@@ -16,7 +16,8 @@ from repaint_cli.learn.rollout.observations import Observations
 from repaint_cli.learn.update import epochs
 from repaint_cli.learn.update.adam import RowAdam
 from repaint_cli.learn.update.compiled import update as compiled
-from repaint_cli.learn.update.epochs import Means, minibatch, shuffle
+from repaint_cli.learn.update.epochs import minibatch, shuffle
+from repaint_cli.learn.update.means import Means
 from repaint_cli.learn.update.objectives import instance_loss, masked_mean, representation_loss
 from repaint_cli.policies.architecture import NetConfig
 from repaint_cli.policies.distributions import Gaussian

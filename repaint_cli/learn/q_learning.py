@@ -26,8 +26,9 @@ from repaint_cli.learn.transfer.course import Course
 from repaint_cli.learn.transfer.schedules import Phase
 from repaint_cli.learn.transfer.teachers import ActingTeacher, soften
 from repaint_cli.learn.update.adam import RowAdam
-from repaint_cli.learn.update.epochs import Means, seed_by_seed
+from repaint_cli.learn.update.epochs import seed_by_seed
 from repaint_cli.learn.update.losses import squared_error
+from repaint_cli.learn.update.means import Means
 from repaint_cli.learn.update.objectives import mean_over
 from repaint_cli.policies.distributions import Categorical, Distribution
 from repaint_cli.policies.networks import ActorCritic

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial, reduce
+from math import isfinite
 from operator import or_
 
 import numpy as np
@@ -14,6 +15,7 @@ from repaint_cli.errors import DivergedError
 from repaint_cli.learn.rollout.gae import Samples
 from repaint_cli.learn.side_by_side import check, side_by_side
 from repaint_cli.learn.update.adam import RowAdam
+from repaint_cli.learn.update.means import Means
 from repaint_cli.learn.update.objectives import (
     distillation_loss,
     instance_loss,
@@ -21,27 +23,6 @@ from repaint_cli.learn.update.objectives import (
 )
 from repaint_cli.learn.update.spec import Networks, UpdateSpec
 from repaint_cli.policies.networks import ActorCritic
-
-
-class Means:
-    """Each seed's means of metrics over the gradient steps it took part in."""
-
-    def __init__(self) -> None:
-        self._steps: dict[str, list[tuple[Tensor, Tensor]]] = {}
-
-    def add(self, counts: Tensor, metrics: dict[str, Tensor]) -> None:
-        """Add the metrics of a step, (S,) each; seeds whose count is 0 took no part in it."""
-        for name, values in metrics.items():
-            self._steps.setdefault(name, []).append((counts, values.detach()))
-
-    def numpy(self) -> dict[str, np.ndarray]:
-        """Return the means, (S,) each; nan for a seed that took no step."""
-        means = {}
-        for name, steps in self._steps.items():
-            counts, values = map(torch.stack, zip(*steps, strict=True))  # (steps, S)
-            took_part = counts > 0
-            means[name] = (values.where(took_part, 0.0).sum(0) / took_part.sum(0)).numpy()
-        return means
 
 
 def shuffle(samples: Samples, rngs: Sequence[np.random.Generator]) -> Tensor:
@@ -145,7 +126,9 @@ def _take_steps(
     """Take the steps of all seeds together, in minibatches (S, b) of each seed's own samples."""
     means, size = Means(), spec.ppo.minibatch_size
     n_steps = -(-samples.counts // size)  # each seed's own ceil(n / 64)
+    goes_on = torch.ones(len(n_steps), dtype=torch.bool)  # whose policies move, (S,)
     for epoch, order in enumerate(orders.own):
+        of_epoch = Means()
         for j in range(int(n_steps.max())):
             bounds = (samples.counts.clamp(max=size * j), samples.counts.clamp(max=size * (j + 1)))
             positions, counts = minibatch(order, *bounds)
@@ -155,14 +138,19 @@ def _take_steps(
                 instances = _share(orders.of_instances[epoch], spec, steps, n_steps)
                 _keep_instance_gradient(student, optimizer, instances, spec, means)
             loss, metrics = _loss(student, samples, positions, counts, spec)
-            means.add(counts, metrics)
+            means.add(counts, metrics, goes_on)
+            of_epoch.add(counts, metrics, goes_on)
             _check_finite(loss, metrics)
-            _step(student, optimizer, loss, (counts > 0).tolist(), spec)
+            _step(student, optimizer, loss, counts > 0, goes_on, spec)
             if instances is not None:
-                moving, norm = (instances.counts > 0).tolist(), spec.ppo.max_grad_norm
-                optimizer.step_on_instances(moving, spec.instance_scale, norm)
+                moving, norm = (instances.counts > 0) & goes_on, spec.ppo.max_grad_norm
+                optimizer.step_on_instances(moving.tolist(), spec.instance_scale, norm)
             advance()
             check()
+        if isfinite(spec.target_kl) and spec.moves_policy:
+            goes_on &= ~(torch.from_numpy(of_epoch.numpy()["approx_kl"]) > spec.target_kl)
+            if not (goes_on.any() or spec.moves_critic):
+                break
     return spec.of_moved(means.numpy())
 
 
@@ -235,15 +223,23 @@ def _columns(student: ActorCritic, networks: Networks) -> slice:
 
 
 def _step(
-    student: ActorCritic, optimizer: RowAdam, loss: Tensor, moving: list[bool], spec: UpdateSpec
+    student: ActorCritic,
+    optimizer: RowAdam,
+    loss: Tensor,
+    moving: Tensor,
+    goes_on: Tensor,
+    spec: UpdateSpec,
 ) -> None:
-    """Follow the gradient of all seeds' losses, (S,), and of the squared norm of their weights."""
+    """Follow the gradient of all seeds' losses, (S,), and of the squared norm of their weights.
+
+    `moving` says who has samples, (S,), and `goes_on` whose policies have not stopped, (S,).
+    """
     _differentiate(student, loss, spec.networks)
     if decay := spec.ppo.weight_decay:
         columns = _columns(student, spec.networks)
         weights = student.storage[:, columns] * student.is_weight[columns]
         student.gradients[:, columns] += decay * weights
     frozen = [False] * student.n_seeds
-    policies = moving if spec.moves_policy else frozen
-    critics = moving if spec.moves_critic else frozen
+    policies = (moving & goes_on).tolist() if spec.moves_policy else frozen
+    critics = moving.tolist() if spec.moves_critic else frozen
     optimizer.step(policies, critics, spec.policy_scale, spec.ppo.max_grad_norm)

@@ -1,6 +1,7 @@
 """What one update is to do: the same record for the plain and for the compiled one."""
 
 from dataclasses import dataclass, replace
+from math import inf
 from typing import Literal
 
 import numpy as np
@@ -54,6 +55,15 @@ class UpdateSpec:
             beta=beta,
             instances=self.instances and self.instances.alone(seed),
         )
+
+    @property
+    def target_kl(self) -> float:
+        """The mean approximate KL of an epoch after which a policy stops; infinite for none.
+
+        That of teachers' samples is a distance to the teachers, and stops nothing.
+        """
+        limit = self.ppo.target_kl if self.loss == "representation" else None
+        return inf if limit is None else limit
 
     @property
     def moves_policy(self) -> bool:

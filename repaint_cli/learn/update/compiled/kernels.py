@@ -199,9 +199,9 @@ def categorical_head(
 @fastmath_kernel
 def learn_policy(
     network: NetworkView, view: AdamView, log_std: np.ndarray, log_std_gradient: np.ndarray,
-    obs: np.ndarray, orders: np.ndarray, data: PolicyData, metrics: np.ndarray,
+    obs: np.ndarray, orders: np.ndarray, data: PolicyData, target_kl: float, metrics: np.ndarray,
 ) -> int:  # fmt: skip
-    """Take a policy's steps; return how many, fewer where a loss was not finite.
+    """Take a policy's steps, up to the target KL or a loss that is not finite; return how many.
 
     The orders are (epochs, n), the observations (n, O) normalised. Metrics (steps, 6) are means of
     a step: surrogate loss, entropy, cross-entropy, approximate KL, clip fraction and log ratio.
@@ -222,6 +222,8 @@ def learn_policy(
                 return step
             backward(len(rows), network)
             adam(view, view.steps + step)
+        if metrics[step + -len(order) // size : step, 3].mean() > target_kl:  # of this epoch
+            break
     return step
 
 

@@ -73,9 +73,10 @@ def take_steps(
     if spec.moves_critic:
         returns = samples.returns.numpy()
         jobs += [partial(_value_steps, seed, returns[seed.s], of_critic[seed.s]) for seed in seeds]
-    steps = side_by_side(jobs)
+    done = np.array(side_by_side(jobs)).reshape(-1, len(counts))  # of policies, then of critics
     interruption.check()
-    means = _means(np.concatenate([of_policy, of_critic], 2), np.array(steps[: len(counts)]))
+    steps = np.concatenate([np.repeat(done[:1], of_policy.shape[2], 0), done[-1:]])
+    means = _means(np.concatenate([of_policy, of_critic], 2), steps.T)
     return _as_written(means, spec)
 
 
@@ -123,7 +124,9 @@ def _policy_steps(seed: _Seed, data: PolicyData, metrics: np.ndarray) -> int:
     network = network_view(student, s, "policy", seed.size)
     spec = seed.spec
     adam = adam_view(student, optimizer, s, "policy", spec.policy_scale, spec.ppo.max_grad_norm)
-    steps = learn_policy(network, adam, log_std, slope, seed.obs, seed.orders, data, metrics)
+    steps = learn_policy(
+        network, adam, log_std, slope, seed.obs, seed.orders, data, spec.target_kl, metrics
+    )
     optimizer.steps[0, s] += steps
     return steps
 
@@ -169,7 +172,7 @@ def _means(metrics: np.ndarray, steps: np.ndarray) -> dict[str, np.ndarray]:
 
     Args:
         metrics: of each step, named by METRIC_NAMES, (S, steps, 7).
-        steps: how many each seed took, (S,).
+        steps: how many each seed took, by metric, (S, 7).
 
     Raises:
         DivergedError: a loss is not finite.
@@ -180,7 +183,7 @@ def _means(metrics: np.ndarray, steps: np.ndarray) -> dict[str, np.ndarray]:
         s, step, column = np.argwhere(diverged)[0]
         raise DivergedError.of_loss(METRIC_NAMES[column], metrics[s, step, column], int(s))
     with np.errstate(invalid="ignore", over="ignore"):
-        means = (metrics.sum(1) / steps[:, None]).astype(np.float32)  # (S, 7)
+        means = (metrics.sum(1) / steps).astype(np.float32)  # (S, 7)
     return dict(zip(METRIC_NAMES, means.T, strict=True))
 
 
