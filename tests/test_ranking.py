@@ -12,6 +12,7 @@ from repaint_cli.learn.evaluation import evaluate
 from repaint_cli.learn.seeding import Purpose
 from repaint_cli.policies.architecture import NetConfig
 from repaint_cli.policies.spaces import Spaces
+from repaint_cli.runs.measured_teachers import Chosen, chosen
 from repaint_cli.runs.reader import read_run
 from repaint_cli.tasks.card_files import read_task
 from repaint_cli.zoo import store
@@ -175,3 +176,35 @@ def test_nobody_is_taken_where_nobody_leads_and_nothing_is_written(repaint, home
     )
     assert said.err.endswith("try --method scratch\n")
     assert not (home / "run").exists()
+
+
+def test_the_view_of_a_teacher_is_the_one_that_earns_most(repaint, home):
+    words = ["transfer", "--task", "reacher", *QUICK, "--method", "instance", "--run", "run"]
+    said = repaint(*words, "--teacher", "reacher-gentle", "--view", "auto")
+    assert said.code == 0, said.err
+    record = json.loads((home / "run" / "run.json").read_text())
+    assert [one["name"] for one in record["ranked"]] == [
+        "reacher-gentle", "reacher-gentle:both", "untrained"
+    ]  # fmt: skip
+    assert record["teachers"][0]["view"] == ""
+    assert "2 teachers played" in said.out
+
+
+def test_only_open_views_are_measured(home):
+    names = ["reacher-away", "reacher-gentle:auto", "reacher:both"]
+    found = chosen(read_task("reacher"), names, 0)
+    assert found.teachers == ["reacher-away", "reacher-gentle", "reacher:both"]
+    assert len(found.ranked) == 3
+    assert chosen(read_task("reacher"), names[:1], 0) == Chosen(["reacher-away"])
+
+
+def test_methods_are_compared_with_a_measured_teacher(repaint, home):
+    words = ["compare", "--task", "reacher", "--seeds", 2, *QUICK[:2], *QUICK[4:]]
+    words += ["--methods", "scratch,kickstart", "--set", "eval.episodes=2"]
+    said = repaint(*words, "--teacher", "reacher-gentle:auto", "--report", "report")
+    assert said.code == 0, said.err
+    (folder,) = (home / "runs" / "reacher").iterdir()
+    runs = [read_run(folder / name) for name in ("scratch", "kickstart")]
+    assert [len(run.record.ranked) for run in runs] == [0, 3]
+    gap = runs[1].rows["env_steps"] - runs[0].rows["env_steps"]
+    assert (gap == sum(one.steps for one in runs[1].record.ranked)).all()

@@ -191,7 +191,7 @@ def test_both_views_are_refused_where_they_contradict_each_other(repaint, driver
         ([*REACHER, "--teacher", "nobody:mirrored"], NotFound, "unknown teacher 'nobody'"),
         (
             [*REACHER, "--teacher", "old-hand", "--view", "left"], UsageError,
-            "expected --view none, mirror, both, found 'left'",
+            "expected --view none, mirror, both, auto, found 'left'",
         ),
     ],
 )  # fmt: skip

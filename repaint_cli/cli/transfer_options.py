@@ -71,7 +71,7 @@ class TransferOptions(NamedTuple):
             WHOM,
             "VIEW",
             "How teachers without a view of their own (NAME:mirrored, NAME:both) are looked at: "
-            "none, mirror or both.",
+            "none, mirror, both, or auto: what earns most in five episodes.",
         ),
         Rule(methods=TAUGHT),
     ] = "none"

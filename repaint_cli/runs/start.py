@@ -7,8 +7,8 @@ from pathlib import Path
 from repaint_cli.errors import NotFound, StoreError, UsageError, some
 from repaint_cli.files.provenance import stamp
 from repaint_cli.policies.precision import resolved
-from repaint_cli.report.statistics import mean_ci
 from repaint_cli.runs.folder import RUNS
+from repaint_cli.runs.measured_teachers import chosen
 from repaint_cli.runs.plan import Plan, plan_of
 from repaint_cli.runs.reader import read_run
 from repaint_cli.runs.record_parts import RankedRecord
@@ -16,9 +16,8 @@ from repaint_cli.settings import MOST_SEEDS
 from repaint_cli.tasks.card import TaskCard
 from repaint_cli.tasks.methods import METHODS, method_for
 from repaint_cli.zoo import store, view_names
-from repaint_cli.zoo.ranking import rank
 from repaint_cli.zoo.teacher_card import check_name, read_card
-from repaint_cli.zoo.view_names import AUTO, TeacherFile
+from repaint_cli.zoo.view_names import TeacherFile
 from repaint_cli.zoo.views import as_warm_started
 
 
@@ -54,8 +53,11 @@ def plan_transfer(
     """Return the plan of a transfer; see `repaint_cli.transfer`."""
     numbers = checked_seeds(seeds)
     method, ranked = method_for(algorithm, method), tuple[RankedRecord, ...]()
-    if list(teachers) == [AUTO] and METHODS[method].needs_teacher:
-        teachers, ranked = measured_teacher(card, numbers[0])
+    if METHODS[method].needs_teacher:
+        typed = teachers
+        teachers, ranked = chosen(card, typed, numbers[0])
+        taken = dict(zip(typed, teachers, strict=True))
+        instances_from = [taken.get(name, name) for name in instances_from]
     files = find_teachers(teachers, method)
     names = [algorithm] * (algorithm != "ppo") + [method, *(file.name for file in files)]
     place = new_folder(folder, card.name, "-".join(names))
@@ -65,31 +67,6 @@ def plan_transfer(
         on_this_machine(card), method, numbers, place, files, acting, algorithm, keep=keep,
         numbered=not folder, ranked=ranked,
     )  # fmt: skip
-
-
-def measured_teacher(card: TaskCard, seed: int) -> tuple[list[str], tuple[RankedRecord, ...]]:
-    """Let all teachers that fit play a task; return the one to learn from, and what all earned.
-
-    Raises:
-        NotFound: no teacher fits, or none earns more than an untrained policy.
-    """
-    ranking = rank(card, seed)
-    best, everybody = ranking.best, (*ranking.teachers, ranking.untrained)
-    if best is None:
-        first, basis = ranking.teachers[0], ranking.untrained.returns.mean()
-        raise NotFound(
-            f"--teacher auto: nobody earns more on '{card.name}' than an untrained policy (the "
-            f"best, {first.name}, {first.returns.mean():.4g} against {basis:.4g}); try --method "
-            "scratch"
-        )
-    ranked = [
-        RankedRecord(
-            name=one.name, better=one.better, cosine=one.cosine, steps=int(one.lengths.sum()),
-            **dict(zip(("mean", "low", "high"), mean_ci(one.returns), strict=True)),
-        )
-        for one in everybody
-    ]  # fmt: skip
-    return [best.name], tuple(ranked)
 
 
 def on_this_machine(card: TaskCard) -> TaskCard:

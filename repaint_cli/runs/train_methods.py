@@ -6,6 +6,7 @@ from pathlib import Path
 
 from repaint_cli.errors import UsageError
 from repaint_cli.runs.estimate import Estimate, estimate
+from repaint_cli.runs.measured_teachers import chosen
 from repaint_cli.runs.new_folder import make_new
 from repaint_cli.runs.plan import Plan
 from repaint_cli.runs.start import (
@@ -91,9 +92,12 @@ def plan_methods(
             f"{', '.join(teachers)}"
         )
     card = on_this_machine(card)
+    found = chosen(card, teachers, numbers[0])
     for name in methods:
-        files = find_teachers(teachers if name in taught else (), name)
-        plans.append(Plan(as_begun(card, name, files), name, numbers, root / name, files))
+        files = find_teachers(found.teachers if name in taught else (), name)
+        ranked = found.ranked if name in taught else ()
+        own = as_begun(card, name, files)
+        plans.append(Plan(own, name, numbers, root / name, files, ranked=ranked))
         plans[-1].check()  # better now than after the first method's hours
     return plans
 

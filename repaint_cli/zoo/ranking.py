@@ -5,9 +5,10 @@ The paper compares tasks by the weights of their rewards, and leaves open how to
 reward by its most likely actions, and so do untrained policies. **E** episodes, **F** untrained.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -17,7 +18,6 @@ from repaint_cli.learn.learner import Learner
 from repaint_cli.learn.rollout.gae import to_samples
 from repaint_cli.learn.rollout.storage import Rollout
 from repaint_cli.learn.seeding import Purpose
-from repaint_cli.policies.mirror import PolicyNetwork
 from repaint_cli.policies.networks import ActorCritic
 from repaint_cli.policies.spaces import Spaces
 from repaint_cli.report.pairs import welch
@@ -51,6 +51,8 @@ class Played:
     """Which episodes went the other way round, (E,) bool."""
     better: float
     """Share of its steps that a fresh critic calls better than an untrained policy's, in pairs."""
+    file: TeacherFile | None = None
+    """A teacher's file, and its view."""
     cosine: float | None = None
     """Of its task's weights, as seen, and the target's; None where there is none."""
     same_networks: bool = False
@@ -81,8 +83,9 @@ OnPlayed = Callable[[Played], object]
 
 
 def rank(
-    task: TaskCard, seed: int, n_episodes: int = N_EPISODES, on_played: OnPlayed | None = None
-) -> Ranking:
+    task: TaskCard, seed: int, n_episodes: int = N_EPISODES, on_played: OnPlayed | None = None,
+    among: Sequence[Path] | None = None,
+) -> Ranking:  # fmt: skip
     """Let all teachers that fit a task play it, in every view.
 
     Args:
@@ -90,6 +93,7 @@ def rank(
         seed: of the episodes, and of the untrained policies.
         n_episodes: E.
         on_played: see `OnPlayed`.
+        among: the files of those that play; all that fit where absent.
 
     Raises:
         NotFound: no teacher fits.
@@ -97,7 +101,9 @@ def rank(
     """
     spaces = spaces_of(task)
     task.check_symmetry(spaces)
-    found = list(candidates(task, spaces))
+    if among is not None:
+        store.check_fits([read_card(path) for path in among], task, spaces)
+    found = list(candidates(task, spaces, store.teachers().values() if among is None else among))
     if not found:
         raise NotFound(
             f"no teacher in the zoo fits task '{task.name}' ({spaces}); train one: "
@@ -105,14 +111,7 @@ def rank(
         )
     judge, played = _Judge.of(task, spaces, seed, n_episodes), []
     for file, card in found:
-        network, _ = store.read_teacher(file.path)
-        view = view_of(network, card, file, task)
-        own = card.task.in_mirror(view.symmetry)
-        one = judge.play(
-            with_view(store.to_type(file.path, card), file.view), view.policy,
-            None if own is None else cosine(own, task),
-            same_networks=file.view != BOTH and card.task.net.alike(task.net),
-        )  # fmt: skip
+        one = judge.play_teacher(file, card)
         played.append(one)
         if on_played:
             on_played(one)
@@ -120,9 +119,11 @@ def rank(
     return Ranking(task, judge.untrained, tuple(played))
 
 
-def candidates(task: TaskCard, spaces: Spaces) -> Iterator[tuple[TeacherFile, TeacherCard]]:
-    """Yield the teachers that fit a task, in each view that may differ; damaged files fit none."""
-    for path in store.teachers().values():
+def candidates(
+    task: TaskCard, spaces: Spaces, paths: Iterable[Path]
+) -> Iterator[tuple[TeacherFile, TeacherCard]]:
+    """Yield teachers that fit a task, in each view that may differ; damaged files fit none."""
+    for path in paths:
         with suppress(CheckpointError):
             card = read_card(path)
             if not store.mismatch(card, task, spaces):
@@ -173,17 +174,21 @@ class _Judge:
         )
         return cls(task, seed, n_episodes, critic, untrained, advantages)
 
-    def play(
-        self, name: str, policy: PolicyNetwork, similarity: float | None, *, same_networks: bool
-    ) -> Played:
-        """Let a policy play."""
+    def play_teacher(self, file: TeacherFile, card: TeacherCard) -> Played:
+        """Let a teacher play, as it is looked at."""
+        network, _ = store.read_teacher(file.path)
+        view = view_of(network, card, file, self.task)
         rollout, episodes = play(
-            policy, self.task, [self.seed], self.n_episodes, purpose=Purpose.SCORE
+            view.policy, self.task, [self.seed], self.n_episodes, purpose=Purpose.SCORE
         )
+        own = card.task.in_mirror(view.symmetry)
         return Played(
-            name, episodes.returns[0], episodes.lengths[0],
+            with_view(store.to_type(file.path, card), file.view),
+            episodes.returns[0], episodes.lengths[0],
             None if episodes.progress is None else episodes.progress[0],
-            _reverse(self.task, self.n_episodes), self._better(rollout), similarity, same_networks,
+            _reverse(self.task, self.n_episodes), self._better(rollout), file,
+            None if own is None else cosine(own, self.task),
+            same_networks=file.view != BOTH and card.task.net.alike(self.task.net),
         )  # fmt: skip
 
     def _better(self, rollout: Rollout) -> float:

@@ -15,12 +15,12 @@ BOTH = "both"
 """The mean of a teacher and its mirror image."""
 
 AUTO = "auto"
-"""In place of a teacher: the one who earns most before anything is trained, in its view."""
+"""In place of a teacher, or of its view: the one who earns most before anything is trained."""
 
 VIEW = re.compile(r"([^/\\:]+|.+\.safetensors):([a-z][a-z-]*)")
 """A teacher's name or its file, and a view of it."""
 
-VIEWS = {"none": "", "mirror": MIRRORED, "both": BOTH}
+VIEWS = {"none": "", "mirror": MIRRORED, "both": BOTH, "auto": AUTO}
 """By what --view calls them."""
 
 
