@@ -9,6 +9,7 @@ from repaint_cli.activity import doing
 from repaint_cli.envs.reward_functions import Functions
 from repaint_cli.learn.rollout.batches import even_share
 from repaint_cli.learn.rollout.collect import Policy, collect, start
+from repaint_cli.learn.rollout.reward_scale import RewardScale
 from repaint_cli.learn.rollout.storage import Rollout
 from repaint_cli.learn.rollout.stream import Stream
 from repaint_cli.learn.rollout.transitions import Experience
@@ -34,6 +35,8 @@ class Learner:
     """Steps taken for training, the teacher's among them, (S,)."""
     memory: Experience | None = None
     """The replay buffer of Q-learning: each seed's newest transitions."""
+    reward_scale: RewardScale | None = None
+    """What rewards are divided by before learning, where they are."""
     streams: dict[str, Stream] = field(default_factory=dict)
     """The environments that rollouts go on with, by who acts in them, where episodes continue."""
     functions: dict[tuple[Purpose, int, int], Functions] = field(default_factory=dict)
@@ -63,12 +66,20 @@ class Learner:
         """
         ppo = card.ppo
         with doing("collecting"):
-            return self._roll(
+            rollout = self._roll(
                 card, k, policy or self.student.policy, (Purpose.TRAIN, Purpose.ACT),
                 n_steps=None if ppo.n_episodes else even_share(ppo.n_steps or 0, 0, 1 + n_teachers),
                 n_envs=ppo.n_episodes or max(1, ppo.n_envs // (1 + n_teachers)),
                 record=card.env.records,
             )  # fmt: skip
+        if ppo.normalize_rewards:
+            self.reward_scale = self.reward_scale or RewardScale(len(self.seeds))
+            self.reward_scale.update(rollout, ppo.gamma, continues=card.continues_episodes)
+        return self._scaled(rollout)
+
+    def _scaled(self, rollout: Rollout) -> Rollout:
+        """Return a rollout with the rewards that students learn from."""
+        return self.reward_scale.applied(rollout) if self.reward_scale else rollout
 
     def collect_teacher(
         self,
@@ -97,10 +108,11 @@ class Learner:
             n_steps = even_share(ppo.n_steps or 0, which + student_acts, sharing)
             n_envs = max(1, ppo.n_envs // sharing)
         with doing("a teacher acts"):
-            return self._roll(
+            rollout = self._roll(
                 card, k, policy, (Purpose.TEACHER, Purpose.ACT_AS_TEACHER), stream=which,
                 n_steps=n_steps, n_envs=n_envs,
             )  # fmt: skip
+        return self._scaled(rollout)
 
     def _roll(
         self,
