@@ -3,15 +3,14 @@
     python benchmarks/beside_sb3.py                     # the table of what was measured
     python benchmarks/beside_sb3.py --measure CartPole  # or Pendulum, HalfCheetah: what is missing
 
-The numbers are those of rl-baselines3-zoo, also the longest gradient and whether observations
-are normalised; "repaint's defaults" are its own of these two: observations are normalised, and
-gradients stay as long as they are. What differs by intent: Stable-Baselines3 scales down the
-gradients of policy and critic by their common norm, repaint each by its own; it standardises
-advantages in each minibatch, repaint in the whole batch; it normalises the rewards of HalfCheetah;
-Pendulum is without state-dependent exploration. A seed's area is the mean over its environment
-steps of the return of the episode that each belongs to, over all episodes that ended within the
-budget; actions are samples. The seeds of each library are other random numbers, so that
-nothing is paired.
+The numbers are those of rl-baselines3-zoo, also the longest gradient and whether observations and
+rewards are normalised; "repaint's defaults" are its own of these three: observations are
+normalised, rewards are not, and gradients stay as long as they are. What differs by intent:
+Stable-Baselines3 scales down the gradients of policy and critic by their common norm, repaint each
+by its own; it standardises advantages in each minibatch, repaint in the whole batch; Pendulum is
+without state-dependent exploration. A seed's area is the mean over its environment steps of the
+return of the episode that each belongs to, over all episodes that ended within the budget; actions
+are samples. The seeds of each library are other random numbers, so that nothing is paired.
 """
 
 import argparse
@@ -53,7 +52,7 @@ class Numbers:
     activation: str = "tanh"
     log_std_init: float = 0.0
     normalize: bool = False
-    """Whether observations (and with Stable-Baselines3 rewards) are normalised."""
+    """Whether observations and rewards are normalised."""
     max_grad_norm: float = 0.5
     n_seeds: int = 10
     """How many of each library, from 0; more where seeds differ much and cost little."""
@@ -169,7 +168,9 @@ def card_of(numbers: Numbers, defaults: bool) -> Any:
     }  # fmt: skip
     if not defaults:
         data["net"] |= {"obs_normalize": numbers.normalize, **VECNORMALIZE}
-        data["ppo"] |= {"max_grad_norm": numbers.max_grad_norm}
+        data["ppo"] |= {
+            "max_grad_norm": numbers.max_grad_norm, "normalize_rewards": numbers.normalize
+        }  # fmt: skip
     return TaskCard.parse(data, "a benchmark")
 
 
@@ -186,9 +187,10 @@ def measure(task: str, processes: int) -> None:
     with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
         jobs: dict[Future[list[float]], tuple[str, list[int]]] = {}
         for library in LIBRARIES[1:]:
-            if seeds := missing[library]:
-                learning = pool.submit(repaint, task, seeds, defaults="defaults" in library)
-                jobs[learning] = library, seeds
+            for part in range(processes):
+                if seeds := missing[library][part::processes]:
+                    learning = pool.submit(repaint, task, seeds, defaults="defaults" in library)
+                    jobs[learning] = library, seeds
         for seed in missing["sb3"]:
             jobs[pool.submit(sb3, task, seed)] = "sb3", [seed]
         for job in as_completed(jobs):

@@ -89,6 +89,9 @@ class PPOConfig(Settings):
     Absent: none are. Stable-Baselines3 and CleanRL scale both networks by their common norm."""
     gamma: float = Field(0.99, gt=0, le=1)
     """γ, the discount per step."""
+    normalize_rewards: bool = False
+    """Whether Â and the critic's targets are of rewards divided by the running deviation of
+    discounted returns, as those of Stable-Baselines3's VecNormalize; what is reported is not."""
     gae_lambda: float = Field(0.95, ge=0, le=1)
     """λ of the generalised advantage estimates."""
     objective: Literal["clipped", "a2c", "trpo", "reinforce"] = "clipped"

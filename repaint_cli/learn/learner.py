@@ -9,6 +9,7 @@ from repaint_cli.activity import doing
 from repaint_cli.envs.reward_functions import Functions
 from repaint_cli.learn.rollout.batches import even_share
 from repaint_cli.learn.rollout.collect import Policy, collect, start
+from repaint_cli.learn.rollout.reward_scale import RewardScale
 from repaint_cli.learn.rollout.storage import Rollout
 from repaint_cli.learn.rollout.stream import Stream
 from repaint_cli.learn.rollout.transitions import Experience
@@ -41,6 +42,8 @@ class Learner:
     many they play; 0 before the first."""
     memory: Experience | None = None
     """The replay buffer of Q-learning: each seed's newest transitions."""
+    reward_scale: RewardScale | None = None
+    """What rewards are divided by before learning, where they are."""
     streams: dict[str, Stream] = field(default_factory=dict)
     """The environments that rollouts go on with, by who acts in them, where episodes continue."""
     functions: dict[tuple[Purpose, int, int], Functions] = field(default_factory=dict)
@@ -78,7 +81,14 @@ class Learner:
             )  # fmt: skip
         if ppo.max_steps is not None:
             self.episode_lengths = rollout.mean_episodes()[1]
-        return rollout
+        if ppo.normalize_rewards:
+            self.reward_scale = self.reward_scale or RewardScale(len(self.seeds))
+            self.reward_scale.update(rollout, ppo.gamma, continues=card.continues_episodes)
+        return self._scaled(rollout)
+
+    def _scaled(self, rollout: Rollout) -> Rollout:
+        """Return a rollout with the rewards that students learn from."""
+        return self.reward_scale.applied(rollout) if self.reward_scale else rollout
 
     def _playing(self, ppo: PPOConfig, k: int) -> np.ndarray | None:
         """Return which of a rollout's episodes each student plays, (S, N), evenly spread."""
@@ -119,10 +129,11 @@ class Learner:
             n_steps = even_share(ppo.n_steps or 0, which + student_acts, sharing)
             n_envs = max(1, ppo.n_envs // sharing)
         with doing("a teacher acts"):
-            return self._roll(
+            rollout = self._roll(
                 card, k, policy, (Purpose.TEACHER, Purpose.ACT_AS_TEACHER), stream=which,
                 n_steps=n_steps, n_envs=n_envs,
             )  # fmt: skip
+        return self._scaled(rollout)
 
     def _roll(
         self,

@@ -72,7 +72,7 @@ def _check_scale(report: Report) -> Iterator[tuple[str, str]]:
         yield (
             "large-rewards",
             f"rewards are large (the critic's mean squared error is {error:.1g}), and it learns "
-            "the slower; smaller weights in [reward] help",
+            "the slower; smaller weights in [reward] help, or ppo.normalize_rewards",
         )
 
 

@@ -13,6 +13,7 @@ from repaint_cli import __version__
 from repaint_cli.errors import CheckpointError
 from repaint_cli.files.atomic import atomic_write
 from repaint_cli.learn.learner import Learner
+from repaint_cli.learn.rollout.reward_scale import RewardScale
 from repaint_cli.learn.rollout.stream import Stream
 from repaint_cli.learn.rollout.transitions import Experience
 from repaint_cli.learn.states import below, with_prefix
@@ -29,6 +30,8 @@ NETWORKS = "net/"
 """Prefix of the leaves of policies and critics."""
 STREAMS = "stream/"
 """Prefix of what is kept of environments that rollouts go on with."""
+REWARDS = "rewards/"
+"""Prefix of the statistics that rewards are divided by."""
 
 
 def save_learner(path: Path, learner: Learner, course: Course, notes: Mapping[str, Any]) -> None:
@@ -38,6 +41,8 @@ def save_learner(path: Path, learner: Learner, course: Course, notes: Mapping[st
     tensors |= course.state()
     if learner.memory:
         tensors |= with_prefix("memory/", learner.memory.state())
+    if learner.reward_scale:
+        tensors |= with_prefix(REWARDS, learner.reward_scale.state())
     for name, stream in learner.streams.items():
         if stream.env and stream.env.replayable:
             tensors |= with_prefix(f"{STREAMS}{name}/", stream.state())
@@ -86,6 +91,8 @@ def _put(
     course.load(tensors)
     memory = below("memory/", tensors)
     learner.memory = Experience.of_state(memory) if memory else None
+    rewards = below(REWARDS, tensors)
+    learner.reward_scale = RewardScale.of_state(rewards) if rewards else None
     streams = below(STREAMS, tensors)
     names = sorted({name.partition("/")[0] for name in streams})
     learner.streams = {name: Stream.of_state(below(name + "/", streams)) for name in names}

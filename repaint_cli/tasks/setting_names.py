@@ -14,6 +14,7 @@ SYNONYMS = {
     "ppo.learning_rate_decay": "lr_decay lr_schedule anneal_lr",
     "ppo.max_grad_norm": "max_gradient_norm grad_clip gradient_clip clip_grad clip_grad_norm "
     "clip_gradients gradient_clipping grad_norm_clip global_norm",
+    "ppo.normalize_rewards": "norm_reward normalize_reward reward_normalization reward_scaling",
     "ppo.gamma": "discount discount_factor",
     "ppo.gae_lambda": "lam lambda lambda_ gae lmbda",
     "ppo.clip_range": "clip cliprange clip_coef clip_param clip_ratio clip_eps eps_clip",

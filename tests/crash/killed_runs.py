@@ -38,6 +38,7 @@ RUNS = {
     "compiled": ("reach", "kickstart", "ppo", ()),
     "auto": ("reach", "repaint", "ppo", (AS_WRITTEN, *AUTO)),
     "relevance": ("reach", "instance", "ppo", (AS_WRITTEN, "select.rule=rbt")),
+    "rewards": ("reach", "repaint", "ppo", (AS_WRITTEN, "ppo.normalize_rewards=true")),
     "continued": ("reach", "repaint", "ppo", (AS_WRITTEN, "ppo.n_steps=20")),
     "racer": ("racer-inner", "scratch", "ppo", LAP),
     "q-learning": (

@@ -98,9 +98,8 @@ def to_samples(rollout: Rollout, value: Value, ppo: PPOConfig) -> Samples:
     values = _values(rollout, value)  # (T+1, S, N)
     followed = np.concatenate([rollout.valid[1:], np.zeros_like(rollout.valid[:1])])
     ends = ~followed  # after an episode's last step comes a reset, which is not valid
-    advantages = gae(
-        rollout.rewards, values[:-1], values[1:], terminations, ends, ppo.gamma, gae_lambda
-    )
+    rewards = rollout.rewards if rollout.scaled_rewards is None else rollout.scaled_rewards
+    advantages = gae(rewards, values[:-1], values[1:], terminations, ends, ppo.gamma, gae_lambda)
 
     return Samples(
         observations=rollout.observations,

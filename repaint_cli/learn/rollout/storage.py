@@ -47,6 +47,8 @@ class Rollout:
     """What the episodes that run when the rollout begins had earned before it, (S, N)."""
     lengths_before: np.ndarray | int = 0
     """Their steps before it, (S, N)."""
+    scaled_rewards: np.ndarray | None = None
+    """What advantages and returns are estimated from, (T, S, N), where it is not `rewards`."""
 
     @property
     def steps(self) -> Steps:
