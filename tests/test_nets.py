@@ -393,3 +393,30 @@ def test_a_large_layer_starts_as_orthogonal_as_a_small_one(shape):
     q, r = np.linalg.qr(long)
     expected = 2 * q * np.sign(np.diag(r))
     assert_allclose(drawn if shape[0] > shape[1] else drawn.T, expected, rtol=0, atol=1e-8)
+
+
+@pytest.mark.parametrize("spaces", [Spaces((5,), 3, False), Spaces((40, 40, 2), 3, True, 8)])
+def test_uniform_first_weights_are_those_of_pytorch(spaces):
+    """Uniform on ±1/√(inputs), weights and biases, as `torch.nn.Linear` and `Conv2d` begin."""
+    kind = "cnn" if spaces.image else "mlp"
+    net = NetConfig(kind=kind, init="uniform", log_std_init=-2.0, conv=((8, 8, 4), (8, 3, 1)))
+    network = ActorCritic(spaces, net, 2)
+    network.initialize([np.random.default_rng(s) for s in range(2)])
+    torch.manual_seed(0)
+    for name, weight in network.weights.items():
+        values = weight.detach()
+        if name == "policy.log_std":
+            assert (values == -2.0).all()
+            continue
+        shape = network.weights[f"{name.rpartition('.')[0]}.weight"].shape[1:]
+        own = (
+            torch.nn.Linear(*shape) if len(shape) == 2
+            else torch.nn.Conv2d(shape[1], shape[0], shape[2:])
+        )  # fmt: skip
+        theirs = getattr(own, name.rpartition(".")[2]).detach()
+        bound = 1 / np.sqrt(own.weight[0].numel())
+        assert float(values.abs().max()) <= bound
+        if values.numel() > 300:
+            assert float(values.std()) == pytest.approx(float(theirs.std()), rel=0.1)
+            assert float(values.abs().max()) > 0.98 * bound
+        assert not torch.equal(values[0], values[1])

@@ -42,6 +42,9 @@ class NetConfig(Settings):
     """Those of its critic, where they are others."""
     activation: Literal["tanh", "relu", "elu"] = "tanh"
     """What follows the dense layers of an `mlp`."""
+    init: Literal["orthogonal", "uniform"] = "orthogonal"
+    """First weights: orthogonal (gain √2, the heads 0.01 and 1) with biases of 0, or uniform on
+    ±1/√(inputs of the layer), biases too, which is PyTorch's default."""
     log_std_init: float = 0.0
     """log σ that a policy begins with; continuous actions."""
     obs_normalize: bool = True

@@ -22,7 +22,7 @@ from torch import Tensor
 from repaint_cli.policies.architecture import NetConfig
 from repaint_cli.policies.distributions import Categorical, Distribution, Gaussian
 from repaint_cli.policies.normalizer import Normalizer
-from repaint_cli.policies.parameters import LIDAR_WIDTHS, NetworkName, leaves_of, orthogonal
+from repaint_cli.policies.parameters import LIDAR_WIDTHS, NetworkName, first_values, leaves_of
 from repaint_cli.policies.precision import resolved
 from repaint_cli.policies.spaces import Spaces
 
@@ -39,7 +39,7 @@ warnings.filterwarnings("ignore", message="grad and param do not obey the gradie
 class ActorCritic:
     """S policies and S critics of one shape.
 
-    Layers are orthogonal at the start (gain √2, the heads 0.01 and 1), biases and log σ are 0.
+    They begin as `net.init` and `net.log_std_init` say.
     """
 
     def __init__(self, spaces: Spaces, net: NetConfig, n_seeds: int) -> None:
@@ -104,11 +104,9 @@ class ActorCritic:
 
     def initialize(self, rngs: Sequence[np.random.Generator]) -> None:
         """Draw every seed's first parameters from its own generator."""
-        for leaf in self.leaves:
-            for s, rng in enumerate(rngs):
-                if leaf.gain:
-                    drawn = torch.from_numpy(orthogonal(rng, leaf.shape, leaf.gain))
-                    self.weights[leaf.name].data[s] = drawn
+        for s, rng in enumerate(rngs):
+            for name, drawn in first_values(self.leaves, self.net, rng):
+                self.weights[name].data[s] = torch.from_numpy(drawn)
         if "policy.log_std" in self.weights:
             self.weights["policy.log_std"].data.fill_(self.net.log_std_init)
 

@@ -3,7 +3,7 @@
 Names are those of the leaves in a file of weights, so they never change.
 """
 
-from collections.abc import Generator, Iterator
+from collections.abc import Generator, Iterator, Sequence
 from dataclasses import dataclass
 from math import prod, sqrt
 from typing import Literal
@@ -111,6 +111,22 @@ def _add_conv_torso(layers: list[Leaf], name: NetworkName, spaces: Spaces, net: 
 def _dense(name: str, n_in: int, n_out: int, gain: float) -> Iterator[Leaf]:
     yield Leaf(f"{name}.weight", (n_in, n_out), gain)
     yield Leaf(f"{name}.bias", (n_out,), 0.0)
+
+
+def first_values(
+    leaves: Sequence[Leaf], net: NetConfig, rng: np.random.Generator
+) -> Iterator[tuple[str, np.ndarray]]:
+    """Yield what parameters begin with, by name, float32; those that are left out are 0."""
+    inputs = 1  # of the layer whose weight came last
+    for leaf in leaves:
+        if leaf.name.endswith(".weight"):
+            dense = len(leaf.shape) == 2
+            inputs = leaf.shape[0] if dense else prod(leaf.shape[1:])
+        if net.init == "uniform" and leaf.name.endswith((".weight", ".bias")):
+            bound = 1 / sqrt(inputs)
+            yield leaf.name, rng.uniform(-bound, bound, leaf.shape).astype(np.float32)
+        elif leaf.gain:
+            yield leaf.name, orthogonal(rng, leaf.shape, leaf.gain)
 
 
 def orthogonal(rng: np.random.Generator, shape: tuple[int, ...], gain: float) -> np.ndarray:

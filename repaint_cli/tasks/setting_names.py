@@ -22,6 +22,7 @@ SYNONYMS = {
     "ppo.vf_coef": "value_coef value_loss_coef vf_loss_coeff critic_coef vf_weight",
     "ppo.kl_coef": "kl kl_coeff",
     "net.hidden": "hidden_sizes hidden_layers hiddens layers net_arch fcnet_hiddens",
+    "net.init": "ortho_init orthogonal_init initialization weight_init",
     "net.activation": "activation_fn act_fn fcnet_activation nonlinearity",
     "net.obs_normalize": "norm_obs normalize_obs obs_norm normalize normalize_observations",
     "net.obs_clip": "clip_obs norm_obs_clip",
