@@ -61,11 +61,11 @@ class Symmetry:
     """Of a lidar, the beam that each range comes from; None without one."""
     odd: frozenset[str]
     """Reward terms that change their sign for the mirrored policy in the same world."""
+    mixed: frozenset[str] = frozenset()
+    """Those that do neither, or of which nothing is known; all others stay as they are."""
     same_world: bool = True
     """Whether the world is its own mirror image, so that a policy and its image earn the same where
     all terms stay. A track is not: it has other bends."""
-    mixed: frozenset[str] = frozenset()
-    """Those that do neither, or of which nothing is known; all others stay as they are."""
 
     def parity(self, term: str) -> Literal[1, -1] | None:
         """Return what a reward term is multiplied by for the mirrored policy; None if unknown."""
