@@ -18,7 +18,7 @@ from repaint_cli.tasks.similarity import cosine
 from repaint_cli.zoo import store
 from repaint_cli.zoo.teacher_card import TeacherCard, read_card
 from repaint_cli.zoo.view_names import TeacherFile
-from repaint_cli.zoo.views import view_of
+from repaint_cli.zoo.views import View, view_of
 
 
 @dataclass(frozen=True)
@@ -68,25 +68,34 @@ def load_teachers(
     _check_shares(task, sum(acts), student_acts)
     _check_relevance(task, spaces)
     _check_distillation(task)
-    teachers, networks, records = list[Teacher](), list[ActorCritic](), list[TeacherRecord]()
     task = _with_terms_of(cards, task)
-    for file, card, act in zip(files, cards, acts, strict=True):
-        network, _ = store.read_teacher(file.path, seeds)
-        view = view_of(network, card, file, task)
-        own = card.task.in_mirror(view.symmetry)
-        related = (_weights(own, task), cosine(own, task)) if own else (None, None)
-        teachers.append(Teacher(view.policy, act, *related))
-        networks.append(view.network)
-        records.append(
-            TeacherRecord(
-                name=store.name_of(file.path, card),
-                view=file.view,
-                sha256=sha256(file.path),
-                instances=act,
-                file=str(file.path.absolute()),
-            )
-        )
-    return RunTeachers(task, tuple(cards), tuple(teachers), tuple(networks), tuple(records))
+    views = [
+        view_of(store.read_teacher(file.path, seeds)[0], card, file, task)
+        for file, card in zip(files, cards, strict=True)
+    ]
+    each = list(zip(files, cards, acts, views, strict=True))
+    return RunTeachers(
+        task, tuple(cards),
+        teachers=tuple(_teacher(card, view, act, task) for _, card, act, view in each),
+        networks=tuple(view.network for view in views),
+        records=tuple(_record(file, card, act) for file, card, act, _ in each),
+    )  # fmt: skip
+
+
+def _teacher(card: TeacherCard, view: View, acts: bool, task: TaskCard) -> Teacher:
+    """Return what the student learns from; its weights and cosine are those of its view."""
+    own = card.task.in_mirror(view.symmetry)
+    if own is None:
+        return Teacher(view.policy, acts)
+    return Teacher(view.policy, acts, _weights(own, task), cosine(own, task))
+
+
+def _record(file: TeacherFile, card: TeacherCard, acts: bool) -> TeacherRecord:
+    """Return what run.json says of a teacher."""
+    return TeacherRecord(
+        name=store.name_of(file.path, card), view=file.view, sha256=sha256(file.path),
+        instances=acts, file=str(file.path.absolute()),
+    )  # fmt: skip
 
 
 def _check_numbers(task: TaskCard, n_teachers: int, n_acting: int) -> None:

@@ -92,10 +92,10 @@ def plan_methods(
             f"{', '.join(teachers)}"
         )
     card = on_this_machine(card)
-    found = chosen(card, teachers, numbers[0])
+    measured_teachers = chosen(card, teachers, numbers[0])
     for name in methods:
-        files = find_teachers(found.teachers if name in taught else (), name)
-        ranked = found.ranked if name in taught else ()
+        files = find_teachers(measured_teachers.teachers if name in taught else (), name)
+        ranked = measured_teachers.ranked if name in taught else ()
         own = as_begun(card, name, files)
         plans.append(Plan(own, name, numbers, root / name, files, ranked=ranked))
         plans[-1].check()  # better now than after the first method's hours

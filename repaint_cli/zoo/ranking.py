@@ -103,14 +103,15 @@ def rank(
     task.check_symmetry(spaces)
     if among is not None:
         store.check_fits([read_card(path) for path in among], task, spaces)
-    found = list(candidates(task, spaces, store.teachers().values() if among is None else among))
-    if not found:
+    paths = store.teachers().values() if among is None else among
+    fitting = list(candidates(task, spaces, paths))
+    if not fitting:
         raise NotFound(
             f"no teacher in the zoo fits task '{task.name}' ({spaces}); train one: "
             "repaint train-teacher --task TASK"
         )
     judge, played = _Judge.of(task, spaces, seed, n_episodes), []
-    for file, card in found:
+    for file, card in fitting:
         one = judge.play_teacher(file, card)
         played.append(one)
         if on_played:

@@ -66,5 +66,6 @@ def in_view(names: Sequence[str], view: str) -> list[str]:
     """
     if view not in VIEWS:
         raise UsageError(f"expected --view {', '.join(VIEWS)}, found '{view:.60}'")
-    seen = [name if split(name)[1] else with_view(name, VIEWS[view]) for name in names]
-    return [name if name == AUTO else own for name, own in zip(names, seen, strict=True)]
+    return [
+        name if name == AUTO or split(name)[1] else with_view(name, VIEWS[view]) for name in names
+    ]
