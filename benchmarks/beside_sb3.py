@@ -164,8 +164,7 @@ def card_of(numbers: Numbers, defaults: bool) -> Any:
         "env": {"simulator": "gymnasium", "id": numbers.env_id, "backend": "gymnasium"},
         "reward": numbers.terms, "ppo": ppo,
         "net": {"hidden": numbers.hidden, "activation": numbers.activation,
-                "log_std_init": numbers.log_std_init,
-                "init": "uniform" if numbers.normalize and not defaults else "orthogonal"},
+                "log_std_init": numbers.log_std_init},
     }  # fmt: skip
     if not defaults:
         data["net"] |= {"obs_normalize": numbers.normalize, **VECNORMALIZE}

@@ -322,8 +322,13 @@ def test_both_stop_a_policy_whose_kl_is_above_the_target(discrete):
     """Seed by seed, after the first epoch that is; critics and the others' policies go on."""
     batch, moved = samples(discrete, 40, 33, 64), {}
     far = batch.advantages.clone()
-    far[1] *= 0.0  # seed 1 has next to no slope, and stays near
-    batch = replace(batch, advantages=far)
+    far[1] *= 0.0  # seed 1 has no slope, and acted by its policy: it stays where it is
+    student, _ = learner(discrete)
+    own = batch.behavior_log_probs.clone()
+    with torch.no_grad():
+        policy = student.policy(batch.observations.take(batch.rows))
+        own[1] = policy.log_prob(batch.actions)[1]
+    batch = replace(batch, advantages=far, behavior_log_probs=own)
     for name, ppo in (("plain", PLAIN), ("hand", HAND)):
         for limit in (None, 1e-6, 1e6):
             student, optimizer = learner(discrete)
@@ -335,6 +340,7 @@ def test_both_stop_a_policy_whose_kl_is_above_the_target(discrete):
     assert (steps[None] == steps[1e6]).all()
     assert (steps[None][1] == steps[1e-6][1]).all()  # critics
     assert (steps[1e-6][0] <= steps[None][0]).all()
+    assert steps[1e-6][0, 1] == steps[None][0, 1]  # seed 1 is not stopped by the others
     assert steps[1e-6][0, 0] == 3  # one epoch of 40 samples in minibatches of 16
     for limit in (None, 1e-6, 1e6):
         plain, hand = moved["plain", limit], moved["hand", limit]

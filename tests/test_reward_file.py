@@ -132,6 +132,15 @@ def test_copies_of_teachers_and_students_have_variables_of_their_own():
     assert mine is learner.functions_of(Purpose.TRAIN, 4)
 
 
+def test_cars_that_park_from_the_beginning_are_not_asked():
+    env = RacerVectorEnv(load_track("oval"), 4, autoreset_mode=AutoresetMode.DISABLED)
+    rewarded = RewardFile(env, "reward.py", COUNTER)
+    rewarded.reset(seed=0, options={"parked": [False, True, True, False]})
+    for _ in range(3):
+        *_, info = rewarded.step(np.full(4, 2))
+    assert info["function"].tolist() == [3, 0, 0, 3]
+
+
 def test_parked_cars_are_not_asked():
     env = paying(COUNTER, max_steps=2, autoreset_mode=AutoresetMode.DISABLED)
     env.reset(seed=1)

@@ -10,7 +10,7 @@ from small_tasks import guess, reach
 
 from repaint_cli.learn.learner import Learner
 from repaint_cli.learn.rollout.gae import to_samples
-from repaint_cli.learn.rollout.reward_scale import LARGEST, RewardScale
+from repaint_cli.learn.rollout.reward_scale import CLIP, RewardScale
 from repaint_cli.policies.networks import ActorCritic
 
 GAMMA = 0.9
@@ -42,7 +42,7 @@ def test_the_deviation_is_that_of_discounted_returns(make):
         earned = returns_by_hand(rollout, s)
         assert len(earned) > 20
         assert scale.var[s] == pytest.approx(earned.var(), rel=1e-3)
-        wanted = np.clip(rollout.rewards[:, s] / earned.std(), -LARGEST, LARGEST)
+        wanted = np.clip(rollout.rewards[:, s] / earned.std(), -CLIP, CLIP)
         scaled = scale.applied(rollout).scaled_rewards[:, s]
         valid = rollout.valid[:, s]
         np.testing.assert_allclose(scaled[valid], wanted[valid], rtol=1e-3)
@@ -71,7 +71,7 @@ def test_large_rewards_are_clipped():
     rollout, scale = rollout_of(reach()), RewardScale(2)
     scale.var[:] = 1e-6
     scaled = scale.applied(rollout).scaled_rewards
-    assert np.abs(scaled[rollout.valid]).max() == LARGEST
+    assert np.abs(scaled[rollout.valid]).max() == CLIP
 
 
 def test_what_is_learned_from_is_scaled_and_what_is_reported_is_not():

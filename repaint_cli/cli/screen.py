@@ -116,12 +116,13 @@ def _print_notes(notes: Iterable[str]) -> None:
 
 
 def _measured(plan: Plan) -> str:
-    """Return who was measured before a run, and whom it took."""
+    """Return what was measured before a run, and who earned most."""
     steps = sum(one.steps for one in plan.ranked)
     best, basis = plan.ranked[0], plan.ranked[-1]
     return (
-        f"{len(plan.ranked) - 1} teachers played {steps:,} steps, which count; {best.name} earns "
-        f"{best.mean:.4g} [{best.low:.4g}, {best.high:.4g}], an untrained policy {basis.mean:.4g}"
+        f"{len(plan.ranked) - 1} views of teachers, and untrained policies, played {steps:,} "
+        f"steps, which count; {best.name} earns {best.mean:.4g} [{best.low:.4g}, {best.high:.4g}], "
+        f"an untrained policy {basis.mean:.4g}"
     )
 
 

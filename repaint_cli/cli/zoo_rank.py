@@ -53,9 +53,7 @@ def rank(
 
 def verdict(ranking: "Ranking") -> str:
     """Return a sentence: whom to take, and how to lean on it, or nobody."""
-    best, untrained = ranking.teachers[0], ranking.untrained.returns.mean()
-    gap, low, high = ranking.lead(best)
-    lead = f"{gap:+.4g} [{low:+.4g}, {high:+.4g}] against an untrained policy's {untrained:.4g}"
+    best, lead = ranking.teachers[0], ranking.comparison
     if ranking.best is None:
         return f"nobody: the best, {best.name}, earns no more than chance ({lead})"
     how = "start from its weights" if best.same_networks else "imitate it first"
@@ -67,7 +65,11 @@ def _next(ranking: "Ranking", task: str) -> tuple[str, ...]:
     best = ranking.best
     if best is None:
         return "next: repaint transfer --task {} --method scratch", task
-    how = "--method warm-start" if best.same_networks else "--set transfer.distill_epochs=40"
+    how = "--set transfer.distill_epochs=40"
+    if best.same_networks:
+        how = "--method warm-start"
+    elif ranking.task.net.shared:  # which leaves nothing that could be distilled alone
+        how = "--method kickstart"
     return f"next: repaint transfer --teacher {{}} --task {{}} {how}", best.name, task
 
 

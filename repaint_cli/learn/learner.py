@@ -19,7 +19,7 @@ from repaint_cli.policies.networks import ActorCritic
 from repaint_cli.settings import PPOConfig
 from repaint_cli.tasks.card import TaskCard
 
-FEWEST = 5
+MIN_EPISODES = 5
 """Episodes of a rollout that `ppo.max_steps` leaves, at least."""
 
 
@@ -98,7 +98,7 @@ class Learner:
         for own, length in zip(playing, self.episode_lengths, strict=True):
             n = most
             if length:
-                n = min(most, max(FEWEST, int(ppo.max_steps / length)))
+                n = min(most, max(MIN_EPISODES, int(ppo.max_steps / length)))
             own[(np.arange(n) * most // n + k) % most] = True
         return playing
 

@@ -75,8 +75,7 @@ def instance_iteration(
 
 def _moved(student: ActorCritic, before: Distribution, samples: Samples) -> dict[str, np.ndarray]:
     """Return how far policies have moved at samples, the mean KL(π_before‖π), (S,); nan of none."""
-    kl = before.cross_entropy(describe(student.policy, samples)) - before.entropy()
-    mean = masked_mean(kl, samples.counts)
+    mean = masked_mean(before.kl(describe(student.policy, samples)), samples.counts)
     return {"instance_kl": mean.where(samples.counts > 0, torch.nan).numpy()}
 
 

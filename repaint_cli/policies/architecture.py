@@ -92,16 +92,22 @@ class NetConfig(Settings):
 
     def alike(self, other: "NetConfig") -> bool:
         """Return whether a policy of one can begin with the weights of the other."""
-        return self._of_weights == other._of_weights
+        return self._shapes == other._shapes and self.other_scaling(other) is None
+
+    def other_scaling(self, other: "NetConfig") -> str | None:
+        """Return a setting that differs and that the shapes of weights do not show, or None."""
+        if self.kind == "cnn":
+            return None if self.pool == other.pool else "pool"
+        scaling = ("obs_clip", "obs_min_std") if self.obs_normalize else ()
+        names = ("activation", "obs_normalize", *scaling)
+        return next((n for n in names if getattr(self, n) != getattr(other, n)), None)
 
     @property
-    def _of_weights(self) -> tuple[object, ...]:
-        """What a network's weights mean something for."""
+    def _shapes(self) -> tuple[object, ...]:
+        """What the shapes of a network's weights follow from, beside its spaces."""
         if self.kind == "cnn":
-            return self.kind, self.conv_torso, self.dense, self.pool, self.shared
-        scaling = (self.obs_clip, self.obs_min_std) if self.obs_normalize else None
-        widths = self.widths("policy"), self.widths("value")
-        return self.kind, *widths, self.activation, scaling
+            return self.kind, self.conv_torso, self.dense, self.shared
+        return self.kind, self.widths("policy"), self.widths("value")
 
     @property
     def conv_torso(self) -> ConvTorso:

@@ -49,6 +49,10 @@ class Gaussian:
         scaled = 0.5 * spread * torch.exp(-2 * other.log_std)
         return (other.log_std + 0.5 * log(2 * pi) + scaled).sum(-1)
 
+    def kl(self, other: "Distribution") -> Tensor:
+        """Return KL(self‖other) = H(self‖other) − H(self), (S, B)."""
+        return self.cross_entropy(other) - self.entropy()
+
     def sample(self, noise: Tensor) -> Tensor:
         """Return actions μ + σ·noise, (S, B, A), from standard normal noise of that shape."""
         return self.mean + torch.exp(self.log_std) * noise
@@ -112,6 +116,10 @@ class Categorical:
         """Return H(self‖other) = −Σ_a T(a|s)·log π(a|s), (S, B); self is the teacher T."""
         assert isinstance(other, Categorical)
         return -(torch.exp(self.log_probs) * other.log_probs).sum(-1)
+
+    def kl(self, other: "Distribution") -> Tensor:
+        """Return KL(self‖other) = H(self‖other) − H(self), (S, B)."""
+        return self.cross_entropy(other) - self.entropy()
 
     def sample(self, noise: Tensor) -> Tensor:
         """Return actions (S, B), the largest of log π plus Gumbel noise (S, B, A)."""

@@ -94,14 +94,16 @@ def _ratio(effect: float, spread: float) -> float:
     return float("inf") if spread == 0 and effect else effect / spread if effect else 0.0
 
 
-def welch(values: ArrayLike, others: ArrayLike) -> Estimate:
-    """Return the difference of two means, (n,) and (n′,), and Welch's 95 % interval of it."""
-    gap, low, high = welch_interval(values, others)
+def welch(values: ArrayLike, others: ArrayLike, level: float = 0.95) -> Estimate:
+    """Return the difference of two means, (n,) and (n′,), and Welch's interval of it."""
+    gap, low, high = welch_interval(values, others, level)
     return float(gap), float(low), float(high)
 
 
-def welch_interval(values: ArrayLike, others: ArrayLike) -> tuple[Floats, Floats, Floats]:
-    """Return differences of two means and Welch's 95 % intervals, for (…, n) and (…, n′): (…).
+def welch_interval(
+    values: ArrayLike, others: ArrayLike, level: float = 0.95
+) -> tuple[Floats, Floats, Floats]:
+    """Return differences of two means and Welch's intervals, for (…, n) and (…, n′): (…).
 
     gap ± t(ν) √(v + v′),  v = s²/n,  ν = (v + v′)² / (v²/(n − 1) + v′²/(n′ − 1))
     """
@@ -111,7 +113,7 @@ def welch_interval(values: ArrayLike, others: ArrayLike) -> tuple[Floats, Floats
     v, w = own.var(axis=-1, ddof=1) / n, basis.var(axis=-1, ddof=1) / m
     spread = v**2 / (n - 1) + w**2 / (m - 1)
     freedom = np.where(spread > 0, (v + w) ** 2 / np.where(spread > 0, spread, 1), 1)
-    wide = stats.t.ppf(0.975, freedom) * np.sqrt(v + w)
+    wide = stats.t.ppf((1 + level) / 2, freedom) * np.sqrt(v + w)
     return gap, gap - wide, gap + wide
 
 

@@ -98,8 +98,8 @@ def _put(
     learner.streams = {name: Stream.of_state(below(name + "/", streams)) for name in names}
     learner.iteration = int(notes["iteration"])
     learner.env_steps = np.array(notes["env_steps"], int).reshape(len(learner.seeds))
-    lengths = notes.get("episode_lengths", [0.0] * len(learner.seeds))
-    learner.episode_lengths = np.array(lengths, float).reshape(len(learner.seeds))
+    lengths = np.array(notes["episode_lengths"], float)
+    learner.episode_lengths = lengths.reshape(len(learner.seeds))
 
 
 def load_networks(path: Path, network: ActorCritic) -> None:

@@ -3,12 +3,12 @@
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from repaint_cli.errors import NotFound
+from repaint_cli.errors import NotFound, UsageError
 from repaint_cli.report.statistics import mean_ci
 from repaint_cli.runs.record_parts import RankedRecord
 from repaint_cli.tasks.card import TaskCard
 from repaint_cli.zoo.ranking import N_EPISODES, Ranking, rank
-from repaint_cli.zoo.view_names import AUTO, find, split
+from repaint_cli.zoo.view_names import AUTO, find, split, with_view
 
 EACH_VIEW = 5
 """Episodes of each view, where only the view of a teacher is open."""
@@ -30,6 +30,7 @@ def chosen(card: TaskCard, teachers: Sequence[str], seed: int) -> Chosen:
         seed: of the episodes.
 
     Raises:
+        UsageError: `auto` is not alone.
         NotFound: there is no such teacher, none fits, or none earns more than an untrained policy.
     """
     if list(teachers) == [AUTO]:
@@ -37,6 +38,9 @@ def chosen(card: TaskCard, teachers: Sequence[str], seed: int) -> Chosen:
         if ranking.best is None:
             raise NotFound(_nobody(ranking))
         return Chosen([ranking.best.name], _records(ranking))
+    if AUTO in teachers:
+        others = ", ".join(name for name in teachers if name != AUTO) or AUTO
+        raise UsageError(f"--teacher auto stands alone, found {others} beside it")
     bases = {name: split(name)[0] for name in teachers if split(name)[1] == AUTO}
     if not bases:
         return Chosen(list(teachers))
@@ -45,17 +49,15 @@ def chosen(card: TaskCard, teachers: Sequence[str], seed: int) -> Chosen:
     order = [one.file for one in reversed(ranking.teachers) if one.file]
     best = {file.path: file.view for file in order}  # of each the best comes last, and stays
     names = [
-        f"{bases[name]}:{best[files[name]]}".rstrip(":") if name in files else name
-        for name in teachers
+        with_view(bases[name], best[files[name]]) if name in files else name for name in teachers
     ]
     return Chosen(names, _records(ranking))
 
 
 def _nobody(ranking: Ranking) -> str:
-    best, basis = ranking.teachers[0], ranking.untrained.returns.mean()
     return (
-        f"--teacher auto: nobody earns more on '{ranking.task.name}' than an untrained policy (the "
-        f"best, {best.name}, {best.returns.mean():.4g} against {basis:.4g}); try --method scratch"
+        f"--teacher auto: nobody earns more on '{ranking.task.name}' than chance (the best, "
+        f"{ranking.teachers[0].name}: {ranking.comparison}); try --method scratch"
     )
 
 

@@ -57,7 +57,21 @@ def _name(path: Path, beginning: Path, numbered: bool) -> RunFolder:
                 return RunFolder(named)
     except OSError as error:
         raise StoreError(f"cannot make {path}: {error.strerror}") from error
-    raise StoreError(f"{path} exists already; name another with --run, or --resume it")
+    raise _exists(path)
+
+
+def check_absent(path: Path) -> None:
+    """Check that a run's folder can still be made.
+
+    Raises:
+        StoreError: it exists.
+    """
+    if os.path.lexists(path):
+        raise _exists(path)
+
+
+def _exists(path: Path) -> StoreError:
+    return StoreError(f"{path} exists already; name another with --run, or --resume it")
 
 
 def with_numbers(path: Path) -> Iterator[Path]:

@@ -18,6 +18,11 @@ def notices_of(plan: Plan, teachers: RunTeachers) -> list[str]:
             "nothing is distilled (transfer.distill_epochs): it needs kickstarting with --beta "
             "above 0, and PPO"
         )
+    if plan.algorithm != "ppo":
+        numbers = plan.task.ppo
+        given = {"normalize_rewards": numbers.normalize_rewards, "target_kl": numbers.target_kl}
+        unused = ", ".join(f"ppo.{name}" for name, value in given.items() if value)
+        notices += [f"{unused}: not of {plan.algorithm}, and without effect"] * bool(unused)
     if not begun and METHODS[plan.method].needs_teacher:
         notices += hints_of_views(teachers.cards, plan.teachers, teachers.target)
     return notices

@@ -9,6 +9,7 @@ from repaint_cli.files.provenance import stamp
 from repaint_cli.policies.precision import resolved
 from repaint_cli.runs.folder import RUNS
 from repaint_cli.runs.measured_teachers import chosen
+from repaint_cli.runs.new_folder import check_absent
 from repaint_cli.runs.plan import Plan, plan_of
 from repaint_cli.runs.reader import read_run
 from repaint_cli.runs.record_parts import RankedRecord
@@ -53,6 +54,8 @@ def plan_transfer(
     """Return the plan of a transfer; see `repaint_cli.transfer`."""
     numbers = checked_seeds(seeds)
     method, ranked = method_for(algorithm, method), tuple[RankedRecord, ...]()
+    if folder:
+        check_absent(Path(folder))  # better now than after teachers have played
     if METHODS[method].needs_teacher:
         typed = teachers
         teachers, ranked = chosen(card, typed, numbers[0])

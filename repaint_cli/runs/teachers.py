@@ -218,15 +218,11 @@ def _check_same_networks(card: TeacherCard, task: TaskCard) -> None:
     """Check what leaves of equal shapes do not show: activations, and how inputs are scaled.
 
     Raises:
-        TeacherMismatch: a setting of dense networks differs.
+        TeacherMismatch: such a setting differs.
     """
-    if task.net.kind != "mlp":
-        return
-    scaling = ("obs_clip", "obs_min_std") if task.net.obs_normalize else ()
-    for key in ("activation", "obs_normalize", *scaling):
+    if key := task.net.other_scaling(card.task.net):
         taught, wanted = (str(getattr(net, key)).lower() for net in (card.task.net, task.net))
-        if taught != wanted:
-            raise TeacherMismatch(
-                f"a warm start needs equal networks: teacher '{card.name}' has net.{key} {taught}, "
-                f"task '{task.name}' has {wanted}; try --set net.{key}={taught}"
-            )
+        raise TeacherMismatch(
+            f"a warm start needs equal networks: teacher '{card.name}' has net.{key} {taught}, "
+            f"task '{task.name}' has {wanted}; try --set net.{key}={taught}"
+        )

@@ -31,8 +31,8 @@ from repaint_cli.zoo.views import view_of
 N_EPISODES = 20
 """Episodes of each view."""
 
-N_UNTRAINED = 2
-"""Untrained policies that share the episodes of one view, half of them each."""
+N_UNTRAINED = 5
+"""Untrained policies that share the episodes of one view, where each has two or more."""
 
 
 @dataclass(frozen=True)
@@ -68,14 +68,25 @@ class Ranking:
     teachers: tuple[Played, ...]
 
     def lead(self, teacher: Played) -> tuple[float, float, float]:
-        """Return how much more a teacher earns than untrained policies, 95 % interval (Welch)."""
-        return welch(teacher.returns, self.untrained.returns)
+        """Return how much more a teacher earns than untrained policies, with Welch's interval.
+
+        All intervals hold together in 95 % of rankings, as the best is one of many (Bonferroni).
+        """
+        level = 1 - 0.05 / max(1, len(self.teachers))
+        return welch(teacher.returns, self.untrained.returns, level)
 
     @property
     def best(self) -> Played | None:
         """The teacher who earns most, if that is more than untrained policies by chance."""
         best = self.teachers[0]
         return best if self.lead(best)[1] > 0 else None
+
+    @property
+    def comparison(self) -> str:
+        """How much more the best earns than untrained policies, for people."""
+        gap, low, high = self.lead(self.teachers[0])
+        basis = self.untrained.returns.mean()
+        return f"{gap:+.4g} [{low:+.4g}, {high:+.4g}] against an untrained policy's {basis:.4g}"
 
 
 OnPlayed = Callable[[Played], object]
@@ -110,14 +121,14 @@ def rank(
             f"no teacher in the zoo fits task '{task.name}' ({spaces}); train one: "
             "repaint train-teacher --task TASK"
         )
-    judge, played = _Judge.of(task, spaces, seed, n_episodes), []
+    player, played = _Player.of(task, spaces, seed, n_episodes), []
     for file, card in fitting:
-        one = judge.play_teacher(file, card)
+        one = player.play_teacher(file, card)
         played.append(one)
         if on_played:
             on_played(one)
     played.sort(key=lambda one: -one.returns.mean())
-    return Ranking(task, judge.untrained, tuple(played))
+    return Ranking(task, player.untrained, tuple(played))
 
 
 def candidates(
@@ -145,7 +156,7 @@ def views_worth_playing(teacher: TeacherCard, task: TaskCard) -> list[str]:
 
 
 @dataclass(frozen=True)
-class _Judge:
+class _Player:
     """Plays policies, and compares their steps with those of untrained ones by one fresh critic."""
 
     task: TaskCard
@@ -157,11 +168,12 @@ class _Judge:
     """Of the untrained policies' steps, sorted."""
 
     @classmethod
-    def of(cls, task: TaskCard, spaces: Spaces, seed: int, n_episodes: int) -> "_Judge":
-        seeds = [seed + i for i in range(min(N_UNTRAINED, n_episodes))]
+    def of(cls, task: TaskCard, spaces: Spaces, seed: int, n_episodes: int) -> "_Player":
+        seeds = [seed + i for i in range(max(1, min(N_UNTRAINED, n_episodes // 2)))]
         fresh = Learner.fresh(ActorCritic(spaces, task.net, len(seeds)), seeds, 1.0).student
         each = -(-n_episodes // len(seeds))
         rollout, episodes = play(fresh, task, seeds, each, purpose=Purpose.SCORE)
+        fresh.storage.copy_(fresh.storage[:1].clone())  # one critic judges all
         critic = fresh.alone(0)
         samples = to_samples(rollout, fresh.value, task.ppo)
         advantages = np.sort(np.concatenate([

@@ -174,7 +174,9 @@ def check_name(name: str) -> None:
     """Check a teacher's name.
 
     Raises:
-        StoreError: the name does not match `NAME`.
+        StoreError: the name does not match `NAME`, or stands for the best of all teachers.
     """
+    if name == "auto":
+        raise StoreError("expected another name than auto: --teacher auto is the best of the zoo")
     if not NAME.fullmatch(name):
         raise StoreError(f"expected a teacher's name of {NAMES}, found {name!r}")

@@ -39,6 +39,7 @@ RUNS = {
     "auto": ("reach", "repaint", "ppo", (AS_WRITTEN, *AUTO)),
     "relevance": ("reach", "instance", "ppo", (AS_WRITTEN, "select.rule=rbt")),
     "rewards": ("reach", "repaint", "ppo", (AS_WRITTEN, "ppo.normalize_rewards=true")),
+    "fewer": ("guess", "repaint", "ppo", (AS_WRITTEN, "ppo.max_steps=30", "ppo.n_episodes=9")),
     "continued": ("reach", "repaint", "ppo", (AS_WRITTEN, "ppo.n_steps=20")),
     "racer": ("racer-inner", "scratch", "ppo", LAP),
     "q-learning": (

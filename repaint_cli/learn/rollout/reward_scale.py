@@ -8,11 +8,11 @@ from torch import Tensor, from_numpy
 
 from repaint_cli.learn.rollout.storage import Rollout
 
-LARGEST = 10.0
+CLIP = 10.0
 """Scaled rewards are clipped to ± this, as VecNormalize's."""
-NEAR_0 = 1e-8
+EPSILON = 1e-8
 """Is added to the variance."""
-PRIOR = 1e-4
+INITIAL_COUNT = 1e-4
 """Steps that the first variance, 1, counts as."""
 
 
@@ -25,7 +25,7 @@ class RewardScale:
 
     def __init__(self, n_seeds: int) -> None:
         self.mean, self.var = np.zeros(n_seeds), np.ones(n_seeds)
-        self.count = np.full(n_seeds, PRIOR)
+        self.count = np.full(n_seeds, INITIAL_COUNT)
         self.running = np.zeros((n_seeds, 0))
         """R of the episodes that go on, (S, N)."""
 
@@ -62,8 +62,8 @@ class RewardScale:
 
     def applied(self, rollout: Rollout) -> Rollout:
         """Return a rollout whose learned rewards are scaled."""
-        deviation = np.sqrt(self.var + NEAR_0)[:, None]
-        scaled = np.clip(rollout.rewards / deviation, -LARGEST, LARGEST)
+        deviation = np.sqrt(self.var + EPSILON)[:, None]
+        scaled = np.clip(rollout.rewards / deviation, -CLIP, CLIP)
         return replace(rollout, scaled_rewards=scaled)
 
     def state(self) -> dict[str, Tensor]:

@@ -126,30 +126,30 @@ def _take_steps(
     """Take the steps of all seeds together, in minibatches (S, b) of each seed's own samples."""
     means, size = Means(), spec.ppo.minibatch_size
     n_steps = -(-samples.counts // size)  # each seed's own ceil(n / 64)
-    goes_on = torch.ones(len(n_steps), dtype=torch.bool)  # whose policies move, (S,)
+    active = torch.ones(len(n_steps), dtype=torch.bool)  # whose policies move, (S,)
     for epoch, order in enumerate(orders.own):
         of_epoch = Means()
         for j in range(int(n_steps.max())):
             bounds = (samples.counts.clamp(max=size * j), samples.counts.clamp(max=size * (j + 1)))
             positions, counts = minibatch(order, *bounds)
             instances = None
-            if spec.instances is not None and spec.moves_policy:
+            if spec.instances is not None and spec.moves_policy and active.any():
                 steps = torch.tensor([[j], [j + 1]])
                 instances = _share(orders.of_instances[epoch], spec, steps, n_steps)
-                _keep_instance_gradient(student, optimizer, instances, spec, means)
+                _keep_instance_gradient(student, optimizer, instances, spec, means, active)
             loss, metrics = _loss(student, samples, positions, counts, spec)
-            means.add(counts, metrics, goes_on)
-            of_epoch.add(counts, metrics, goes_on)
+            means.add(counts, metrics, active)
+            of_epoch.add(counts, metrics, active)
             _check_finite(loss, metrics)
-            _step(student, optimizer, loss, counts > 0, goes_on, spec)
+            _step(student, optimizer, loss, counts > 0, active, spec)
             if instances is not None:
-                moving, norm = (instances.counts > 0) & goes_on, spec.ppo.max_grad_norm
+                moving, norm = (instances.counts > 0) & active, spec.ppo.max_grad_norm
                 optimizer.step_on_instances(moving.tolist(), spec.instance_scale, norm)
             advance()
             check()
         if isfinite(spec.target_kl) and spec.moves_policy:
-            goes_on &= ~(torch.from_numpy(of_epoch.numpy()["approx_kl"]) > spec.target_kl)
-            if not (goes_on.any() or spec.moves_critic):
+            active &= ~(torch.from_numpy(of_epoch.numpy()["approx_kl"]) > spec.target_kl)
+            if not (active.any() or spec.moves_critic):
                 break
     return spec.of_moved(means.numpy())
 
@@ -184,17 +184,19 @@ def _share(order: Tensor, spec: UpdateSpec, steps: Tensor, n_steps: Tensor) -> S
 
 
 def _keep_instance_gradient(
-    student: ActorCritic, optimizer: RowAdam, instances: Samples, spec: UpdateSpec, means: Means
-) -> None:
+    student: ActorCritic, optimizer: RowAdam, instances: Samples, spec: UpdateSpec, means: Means,
+    active: Tensor,
+) -> None:  # fmt: skip
     """Keep ∇L_ins at θ until ∇L_rep at the same θ is known, and add the metrics of L_ins.
 
     θ ← θ + α₁·Adam(∇L_rep) + α₂·Adam(∇L_ins)      (paper, algorithm 1)
+
+    `active` says whose policies still move, (S,).
     """
     assert optimizer.of_instances is not None
     loss, metrics = instance_loss(student, instances, spec)
-    means.add(
-        instances.counts, {name: metrics[name] for name in ("log_ratio", "kept_clip_fraction")}
-    )
+    kept = {name: metrics[name] for name in ("log_ratio", "kept_clip_fraction")}
+    means.add(instances.counts, kept, active)
     _check_finite(loss, metrics)
     _differentiate(student, loss, "policy")
     optimizer.of_instances.gradients.copy_(student.gradients[:, : student.n_policy])
@@ -227,12 +229,12 @@ def _step(
     optimizer: RowAdam,
     loss: Tensor,
     moving: Tensor,
-    goes_on: Tensor,
+    active: Tensor,
     spec: UpdateSpec,
 ) -> None:
     """Follow the gradient of all seeds' losses, (S,), and of the squared norm of their weights.
 
-    `moving` says who has samples, (S,), and `goes_on` whose policies have not stopped, (S,).
+    `moving` says who has samples, (S,), and `active` whose policies have not stopped, (S,).
     """
     _differentiate(student, loss, spec.networks)
     if decay := spec.ppo.weight_decay:
@@ -240,6 +242,6 @@ def _step(
         weights = student.storage[:, columns] * student.is_weight[columns]
         student.gradients[:, columns] += decay * weights
     frozen = [False] * student.n_seeds
-    policies = (moving & goes_on).tolist() if spec.moves_policy else frozen
+    policies = (moving & active).tolist() if spec.moves_policy else frozen
     critics = moving.tolist() if spec.moves_critic else frozen
     optimizer.step(policies, critics, spec.policy_scale, spec.ppo.max_grad_norm)

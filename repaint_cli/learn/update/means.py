@@ -11,12 +11,12 @@ class Means:
     def __init__(self) -> None:
         self._steps: dict[str, list[tuple[Tensor, Tensor]]] = {}
 
-    def add(self, counts: Tensor, metrics: dict[str, Tensor], moves: Tensor | None = None) -> None:
+    def add(self, counts: Tensor, metrics: dict[str, Tensor], active: Tensor | None = None) -> None:
         """Add the metrics of a step, (S,) each; seeds whose count is 0 took no part in it.
 
-        Those of policies do not count where these have stopped to move, (S,); all do where absent.
+        Policies that are not `active`, (S,), took none either; the value loss is the critics'.
         """
-        of_policies = counts if moves is None else counts * moves
+        of_policies = counts if active is None else counts * active
         for name, values in metrics.items():
             took_part = counts if name == "value_loss" else of_policies
             self._steps.setdefault(name, []).append((took_part, values.detach()))

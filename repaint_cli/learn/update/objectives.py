@@ -61,7 +61,7 @@ def kl_loss(policy: Distribution, batch: Samples, spec: UpdateSpec) -> Tensor | 
     """
     if batch.behavior is None or not batch.rows.shape[1]:  # a joint step may have no instances
         return 0.0
-    kl = batch.behavior.cross_entropy(policy) - batch.behavior.entropy()  # (S, b)
+    kl = batch.behavior.kl(policy)  # (S, b)
     if spec.ppo.kl_over == "mean":
         return spec.ppo.kl_weight * mean_over(batch.counts, kl.shape[1])(kl)
     real = torch.arange(kl.shape[1]) < batch.counts.unsqueeze(1)

@@ -103,8 +103,8 @@ class RewardFile(VectorWrapper):
         self._parks = env.metadata["autoreset_mode"] is AutoresetMode.DISABLED
 
     def reset(self, **kwargs: Any) -> tuple[Any, dict[str, Any]]:
-        """Start every environment afresh."""
-        self._ended[:] = False
+        """Start every environment afresh; cars that park from the beginning are paid nothing."""
+        self._ended[:] = (kwargs.get("options") or {}).get("parked", False)
         return self.env.reset(**kwargs)
 
     def step(self, actions: Any) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
