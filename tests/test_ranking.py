@@ -99,8 +99,9 @@ def test_networks_are_alike_where_weights_mean_the_same():
 def test_the_command_says_whom_to_take_and_what_to_type(repaint, home):
     said = repaint("zoo", "rank", "--task", "reacher", "--episodes", 4)
     assert said.code == 0, said.err
-    *_, verdict, following = lines = said.out.splitlines()
-    assert max(map(len, lines[:-2])) <= 80
+    *_, lead, verdict, following = lines = said.out.splitlines()
+    assert max(map(len, lines[:-1])) <= 80
+    assert lead.startswith("the best, reacher")
     assert verdict.startswith("take reacher")
     assert following.startswith("next: repaint transfer --teacher reacher")
     assert lines[0].split()[:4] == ["teacher", "return", "[95", "%"]
@@ -117,7 +118,8 @@ def test_nobody_is_taken_where_nobody_leads(repaint, home, monkeypatch):
     only = {"old-hand": store.find("old-hand")}
     monkeypatch.setattr(store, "teachers", lambda: only)
     said = repaint("zoo", "rank", "--task", "reacher", "--episodes", 4)
-    assert "nobody: the best, old-hand" in said.out
+    assert "the best, old-hand" in said.out
+    assert said.out.splitlines()[-2] == "take nobody, that is no more than chance"
     assert said.out.splitlines()[-1] == "next: repaint transfer --task reacher --method scratch"
 
 

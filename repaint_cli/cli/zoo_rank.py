@@ -53,11 +53,12 @@ def rank(
 
 def verdict(ranking: "Ranking") -> str:
     """Return a sentence: whom to take, and how to lean on it, or nobody."""
-    best, lead = ranking.teachers[0], ranking.comparison
+    best = ranking.teachers[0]
+    lead = f"the best, {best.name}: {ranking.comparison}"
     if ranking.best is None:
-        return f"nobody: the best, {best.name}, earns no more than chance ({lead})"
+        return f"{lead}\ntake nobody, that is no more than chance"
     how = "start from its weights" if best.same_networks else "imitate it first"
-    return f"take {best.name} ({lead}): {how}"
+    return f"{lead}\ntake {best.name}, {how}"
 
 
 def _next(ranking: "Ranking", task: str) -> tuple[str, ...]:

@@ -85,8 +85,7 @@ class Ranking:
     def comparison(self) -> str:
         """How much more the best earns than untrained policies, for people."""
         gap, low, high = self.lead(self.teachers[0])
-        basis = self.untrained.returns.mean()
-        return f"{gap:+.4g} [{low:+.4g}, {high:+.4g}] against an untrained policy's {basis:.4g}"
+        return f"{gap:+.4g} [{low:+.4g}, {high:+.4g}] against an untrained policy"
 
 
 OnPlayed = Callable[[Played], object]
