@@ -110,7 +110,8 @@ def test_both_images_of_a_teacher_teach_beside_each_other(repaint, home, old_han
     assert said.code == 0, said.err
     taught = [(teacher["view"], teacher["instances"]) for teacher in record_of(home)["teachers"]]
     assert taught == [("", False), ("mirrored", True)]
-    said = repaint(*REACHER, "--teacher", "old-hand", "--instances-from", "old-hand:both")
+    other = [*REACHER[:-1], "other", "--teacher", "old-hand"]
+    said = repaint(*other, "--instances-from", "old-hand:both")
     assert "expected --instances-from one of old-hand, found 'old-hand:both'" in said.err
 
 
