@@ -6,8 +6,9 @@
 A seed begins with the same weights in every row and is evaluated in the same episodes; a row's
 difference is the mean over seeds of its area less float32's, with a 95 % t interval. What
 rounding alone does is shown twice. "Other sums" is float32 again with the instructions of an older
-CPU (ONEDNN_MAX_CPU_ISA=AVX2), which adds the same products in another order. "Halves" is how far
-the means of two halves of float32's own seeds lie apart: in 95 of 100 splits no further.
+CPU (MKL_ENABLE_INSTRUCTIONS=AVX2), which adds the products of dense layers in another order.
+"Halves" is how far the means of two halves of float32's own seeds lie apart: in 95 of 100 splits
+no further.
 
 Each row is one `repaint transfer` in a process of its own with one thread, two at a time. The runs
 go to runs/precision/, the areas to benchmarks/results/, a line per row and seed.
@@ -53,7 +54,7 @@ NETWORKS = {
 }
 ROWS: dict[str, tuple[str, dict[str, str]]] = {
     "float32": ("float32", {}),
-    "float32, other sums": ("float32", {"ONEDNN_MAX_CPU_ISA": "AVX2"}),
+    "float32, other sums": ("float32", {"MKL_ENABLE_INSTRUCTIONS": "AVX2"}),
     "bf16": ("bf16", {}),
 }
 """By name: the precision, and variables of the process."""

@@ -6,8 +6,9 @@ One car, 120 × 160 pixels, two networks of three convolutions and 512 units eac
 epochs of minibatches of 64, at `net.pool` 2 and 1. Both sides drive the same simulator: repaint 20
 cars at once for an episode each, Stable-Baselines3 20 of one car, one after the other, through the
 Gymnasium interface. The bound is what the arithmetic alone needs, bare convolutions in torch's
-fastest layout, each network on a core of its own, and then the simulator alone. The first iteration
-is not counted.
+fastest layout, each network on a core of its own, and then the simulator alone. In bf16 repaint has
+`net.precision=bf16`, and Stable-Baselines3 has convolutions and the layer of 512 under torch's
+autocast: its buffers are numpy's, which has no bfloat16. The first iteration is not counted.
 """
 
 import warnings
@@ -47,7 +48,7 @@ class OneCar(gymnasium.Env[np.ndarray, np.int64]):
         return obs[0], float(rewards[0]), bool(terminated[0]), bool(truncated[0]), {}
 
 
-def sb3(pool: int) -> float:
+def sb3(pool: int, precision: str) -> float:
     """Train with Stable-Baselines3's CnnPolicy and the same networks; return ms per step."""
     warnings.simplefilter("ignore")
     from stable_baselines3 import PPO
@@ -61,7 +62,9 @@ def sb3(pool: int) -> float:
             self.layers = nn.Sequential(smaller, *convolutions(pool))
 
         def forward(self, images: torch.Tensor) -> torch.Tensor:
-            return self.layers(images)
+            with torch.autocast("cpu", torch.bfloat16, enabled=precision == "bf16"):
+                features = self.layers(images)
+            return features.float()
 
     policy = {"features_extractor_class": Eyes, "share_features_extractor": False, "net_arch": []}
     learner = PPO(
@@ -87,7 +90,7 @@ def convolutions(pool: int) -> list[nn.Module]:
     ]  # fmt: skip
 
 
-def repaint(pool: int) -> float:
+def repaint(pool: int, precision: str) -> float:
     """Train two iterations with repaint; return ms per step."""
     from repaint_cli.learn.evaluation import spaces_of
     from repaint_cli.learn.learner import Learner
@@ -95,7 +98,8 @@ def repaint(pool: int) -> float:
     from repaint_cli.learn.transfer.courses import course_of
     from repaint_cli.policies.networks import ActorCritic
 
-    card = read_task("racer-inner").with_settings([f"net.pool={pool}"])
+    settings = [f"net.pool={pool}", f"net.precision={precision}"]
+    card = read_task("racer-inner").with_settings(settings)
     learner = Learner.fresh(ActorCritic(spaces_of(card), card.net, 1), [0], 3e-4)
     iterations = train(card, learner, course_of(card, (), len(learner.seeds)))
     next(iterations)
@@ -104,23 +108,25 @@ def repaint(pool: int) -> float:
     return 1000 * (perf_counter() - started) / (learner.env_steps.sum() - before)
 
 
-def bound(pool: int) -> float:
+def bound(pool: int, precision: str) -> float:
     """Return the ms per step of bare arithmetic, of both networks, and bare simulation."""
-    learn = _seconds(pool, backward=True) / MINIBATCH
-    look = _seconds(pool, backward=False) / MINIBATCH
+    dtype = torch.bfloat16 if precision == "bf16" else torch.float32
+    learn = _seconds(pool, dtype, backward=True) / MINIBATCH
+    look = _seconds(pool, dtype, backward=False) / MINIBATCH
     return 1000 * (EPOCHS * learn + look + simulation())
 
 
-def _seconds(pool: int, *, backward: bool, times: int = 12) -> float:
+def _seconds(pool: int, dtype: torch.dtype, *, backward: bool, times: int = 12) -> float:
     """Return the time of a pass over a minibatch of both networks, each on a core of its own."""
 
     def passes(n: int) -> None:
         layers = nn.Sequential(*convolutions(pool), nn.Linear(512, 10))
         layers = layers.to(memory_format=torch.channels_last)
+        first, rest = layers[0], layers[1:].to(dtype)  # the first is faster in float32
         images = torch.rand(MINIBATCH, 1, 120 // pool, 160 // pool)
         for _ in range(n):
             with torch.set_grad_enabled(backward):
-                out = layers(images)
+                out = rest(first(images).to(dtype))
                 if backward:
                     layers.zero_grad()
                     out.sum().backward()
@@ -144,21 +150,22 @@ def simulation(steps: int = 60) -> float:
 
 
 HOW = {"sb3": sb3, "repaint": repaint, "bound": bound}
-SIDES = {f"pool {pool}: {side}": partial(f, pool) for pool in POOLS for side, f in HOW.items()}
+PRECISIONS = ("float32", "bf16")
+SIDES = {
+    f"pool {pool}: {side}, {precision}": partial(measure, pool, precision)
+    for pool in POOLS for side, measure in HOW.items() for precision in PRECISIONS
+}  # fmt: skip
 
 
 def tables(measured: Measurements) -> Iterator[Table]:
-    """Yield a row per size of the picture."""
-    rows = []
+    """Yield a table per size of the picture: every side beside Stable-Baselines3, and its bound."""
     for pool in POOLS:
-        slow, ours, least = (measured[f"pool {pool}: {side}"] for side in HOW)
-        times = (median(one, ".2f") for one in (slow, ours, least))
-        rows.append(
-            (f"net.pool {pool}", *times, span(slow / ours, ".2f"), span(ours / least, ".2f"))
-        )
-    yield Table(
-        ("ms per step", "sb3", "repaint", "bound", "sb3 : repaint", "repaint : bound"), rows
-    )
+        rows, usual = [], measured[f"pool {pool}: sb3, float32"]
+        for side, precision in ((side, precision) for side in HOW for precision in PRECISIONS):
+            taken, least = (measured[f"pool {pool}: {one}, {precision}"] for one in (side, "bound"))
+            ratios = (span(usual / taken, ".2f"), span(taken / least, ".2f"))
+            rows.append((f"{side}, {precision}", median(taken, ".2f"), *ratios))
+        yield Table((f"net.pool {pool}", "ms per step", "sb3 : it", "it : bound"), rows)
 
 
 if __name__ == "__main__":

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import beside_sb3
 import numpy as np
+import precision
 import pytest
 import turns
 
@@ -101,6 +102,13 @@ def test_the_table_beside_sb3_is_what_was_measured():
     assert len(lines) > 5
     for line in lines:
         assert line in results
+
+
+def test_the_table_of_precisions_is_what_was_measured():
+    lines = list(turns.markdown(precision.table()))
+    assert len(lines) > 4
+    for line in lines:
+        assert line in SPEED
 
 
 def test_the_readmes_tables_are_lines_of_that_page():
