@@ -3,14 +3,15 @@
     python benchmarks/beside_sb3.py                     # the table of what was measured
     python benchmarks/beside_sb3.py --measure CartPole  # or Pendulum, HalfCheetah: what is missing
 
-The numbers are those of rl-baselines3-zoo, also the longest gradient and whether observations and
-rewards are normalised; "repaint's defaults" are its own of these three: observations are
-normalised, rewards are not, and gradients stay as long as they are. What differs by intent:
-Stable-Baselines3 scales down the gradients of policy and critic by their common norm, repaint each
-by its own; it standardises advantages in each minibatch, repaint in the whole batch; Pendulum is
-without state-dependent exploration. A seed's area is the mean over its environment steps of the
-return of the episode that each belongs to, over all episodes that ended within the budget; actions
-are samples. The seeds of each library are other random numbers, so that nothing is paired.
+The numbers are those of rl-baselines3-zoo, also the first weights, the longest gradient and whether
+observations and rewards are normalised; "repaint's defaults" are its own of these: orthogonal
+weights, observations are normalised, rewards are not, and gradients stay as long as they are. What
+differs by intent: Stable-Baselines3 scales down the gradients of policy and critic by their common
+norm, repaint each by its own; it standardises advantages in each minibatch, repaint in the whole
+batch; Pendulum is without state-dependent exploration. A seed's area is the mean over its
+environment steps of the return of the episode that each belongs to, over all episodes that ended
+within the budget; actions are samples. The seeds of each library are other random numbers, so that
+nothing is paired.
 """
 
 import argparse
@@ -51,6 +52,8 @@ class Numbers:
     hidden: tuple[int, ...] = (64, 64)
     activation: str = "tanh"
     log_std_init: float = 0.0
+    init: str = "orthogonal"
+    """How weights are drawn: uniform is PyTorch's way, `ortho_init=False` in the other library."""
     normalize: bool = False
     """Whether observations and rewards are normalised."""
     max_grad_norm: float = 0.5
@@ -77,8 +80,8 @@ TASKS = {
         ppo={"minibatch_size": 64, "gae_lambda": 0.92, "gamma": 0.98, "n_epochs": 20,
              "ent_coef": 0.000401762, "learning_rate": 2.0633e-5, "clip_range": 0.1,
              "vf_coef": 0.58096},
-        hidden=(256, 256), activation="relu", log_std_init=-2.0, normalize=True,
-        max_grad_norm=0.8,
+        hidden=(256, 256), activation="relu", log_std_init=-2.0, init="uniform", normalize=True,
+        max_grad_norm=0.8, n_seeds=30,
     ),
 }  # fmt: skip
 
@@ -108,7 +111,7 @@ def sb3(task: str, seed: int) -> list[float]:
     policy: dict[str, Any] = {
         "net_arch": list(numbers.hidden), "log_std_init": numbers.log_std_init,
         "activation_fn": {"tanh": torch.nn.Tanh, "relu": torch.nn.ReLU}[numbers.activation],
-        "ortho_init": not numbers.normalize,
+        "ortho_init": numbers.init == "orthogonal",
     }  # fmt: skip
     learner = PPO(
         "MlpPolicy", env, n_steps=numbers.n_steps, max_grad_norm=numbers.max_grad_norm,
@@ -167,7 +170,9 @@ def card_of(numbers: Numbers, defaults: bool) -> Any:
                 "log_std_init": numbers.log_std_init},
     }  # fmt: skip
     if not defaults:
-        data["net"] |= {"obs_normalize": numbers.normalize, **VECNORMALIZE}
+        data["net"] |= {
+            "init": numbers.init, "obs_normalize": numbers.normalize, **VECNORMALIZE
+        }  # fmt: skip
         data["ppo"] |= {
             "max_grad_norm": numbers.max_grad_norm, "normalize_rewards": numbers.normalize
         }  # fmt: skip
