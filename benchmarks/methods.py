@@ -70,8 +70,6 @@ def readme_rows(task: str) -> Iterator[Row]:
             f"repaint from {teacher}, paper's numbers", "repaint", teacher, paper_numbers(task)
         )
         yield Row(f"repaint from {teacher}, our defaults", "repaint", teacher)
-        if task == "reacher":
-            yield Row(f"repaint from {teacher}, --auto", "repaint", teacher, ("--auto",))
     if task == "reacher":  # what a teacher of a task that is alike deserves
         leaning = sets(transfer__kickstart_coef=1, transfer__iterations=15)
         label = "from reacher-gentle, leaning on it"

@@ -91,7 +91,8 @@ def transfer(
     *,
     method: str | None = None,
     algorithm: str = "ppo",
-    auto: bool = False,
+    auto: bool | None = None,
+    view: str | None = None,
     instances_from: Sequence[Name] = (),
     iterations: int | None = None,
     settings: Sequence[str] = (),
@@ -103,20 +104,21 @@ def transfer(
 ) -> "TrainedRun":
     """Transfer teachers to a task, with REPAINT or with a method to compare it with.
 
-    `teachers` are names or files; `method` is a name in `tasks.methods.METHODS`, the default of the
-    algorithm, "ppo" or "q-learning", where absent; `auto` lets what is measured decide β, ζ, the
-    ratio and the end of the transfer; `instances_from` names those teachers whose own samples are
-    learned from, all where empty. The rest is as in `train`.
+    `method` is a name in `tasks.methods.METHODS`, the default of the algorithm, "ppo" or
+    "q-learning", where absent. `auto`: what is measured decides how teachers are used, the default
+    where no method or setting says it. `view` of teachers without one: "none", "mirror", "both",
+    "auto", `auto`'s default. `instances_from`: whose samples are learned from. See `train`.
     """
     from repaint_cli.runs import owner, start
     from repaint_cli.runs.carry_out import carry_out
-    from repaint_cli.tasks.presets import automatic_settings
+    from repaint_cli.tasks.presets import automatic, says_how
 
-    if auto:
-        settings = automatic_settings(_listed(settings, "settings"), algorithm, method)
-    card = _card(task, settings, iterations)
+    by_hand, card = _listed(settings, "settings"), _card(task, settings, iterations)
+    said = method or algorithm != "ppo" or instances_from or says_how(by_hand)
+    if auto or (auto is None and not said):
+        card, view = automatic(card, by_hand, algorithm, method), view or "auto"
     named, acting = (_listed(names, "teachers") for names in (teachers, instances_from))
-    plan = start.plan_transfer(card, named, seeds, method, algorithm, acting, folder, keep)
+    plan = start.plan_transfer(card, named, seeds, method, algorithm, acting, folder, keep, view)
     return carry_out(owner.new_run(plan), watcher, track=_listed(track, "trackers"))
 
 
@@ -156,18 +158,16 @@ def evaluate(
 ) -> "Evaluation":
     """Let a policy play with its most likely actions; write eval.json and a figure of its paths.
 
-    `policy` is a run's folder, a teacher's name or its file, the newest run where absent; the task,
-    the episodes' number and seed are its own where absent; `keep_observations` is for race films.
-    Some simulators have noise ("none" or "paper"), log episodes, or colour paths in several ways.
-    `on_episodes` gets policies and episodes before anything is written.
+    `policy` is a run's folder, a teacher's name or file, the newest run where absent; task, number
+    of episodes and seed are its own where absent; `keep_observations` is for race films. Simulators
+    may have noise ("none", "paper"), logs, or colours of paths. First `on_episodes` is called.
     """
     from repaint_cli.runs.evaluate import check_simulator, evaluate_policy
     from repaint_cli.runs.find_policies import find_policies, with_settings
 
     policies = find_policies(policy, None if task is None else load_task(task))
     policies = with_settings(policies, episodes, noise, _listed(settings, "settings"))
-    logs = Path(log_folder) if log_folder else None
-    check_simulator(policies.card, noise, logs, colour)
+    check_simulator(policies.card, noise, logs := Path(log_folder) if log_folder else None, colour)
     return evaluate_policy(policies, seed, keep_observations, logs, colour, on_episodes)
 
 

@@ -59,11 +59,13 @@ def test_what_relevance_and_automatic_transfer_go_by_is_kept(tmp_path):
         task = reach(n_iterations=n_iterations, select={"rule": "rbt", "share": 0.5})
         return with_transfer(task, TransferConfig())
 
-    def begun(kind):
+    def begun(kind, *more):
         task, learner = task_of(4), learner_of(reach(), [3, 5])
-        return learner, kind(
-            task, [Teacher(untrained_teacher(task, 2), weights=np.array([1.0, 0.5]))], 2
-        )
+        teacher = Teacher(untrained_teacher(task, 2), weights=np.array([1.0, 0.5]))
+        return learner, kind(task, [teacher], 2, *more)
+
+    def measurements(earned):
+        return Measurements(np.zeros((2, 2)), [np.full((2, 2), earned)])
 
     def run(learner, course, n_iterations):
         list(train(task_of(n_iterations), learner, course))
@@ -71,11 +73,10 @@ def test_what_relevance_and_automatic_transfer_go_by_is_kept(tmp_path):
 
     straight, _ = run(*begun(Scheduled), 4)
     learner, half = run(*begun(Scheduled), 3)  # an instance iteration comes next
-    _, measured = begun(Measured)
+    _, measured = begun(Measured, measurements(1.0))
     measured.last = half.last
-    measured.measurements = Measurements(np.zeros((2, 1)), [np.ones((2, 1))])
     save_learner(tmp_path / "half", learner, measured, {})
-    _, other = begun(Measured)
+    _, other = begun(Measured, measurements(2.0))
     resumed, course = begun(Scheduled)
     load_learner(tmp_path / "half", resumed, other)
     assert equal(other.measurements.state(), measured.measurements.state())

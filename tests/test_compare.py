@@ -304,7 +304,16 @@ def test_durations_are_read_at_a_glance(seconds, said):
 def two_runs(repaint, home):
     add_teacher(home / "home" / "zoo")
     repaint(*SCRATCH, "--run", "one")
-    words = ["transfer", "--task", "reacher", "--teacher", "old-hand", *QUICK]
+    words = [
+        "transfer",
+        "--task",
+        "reacher",
+        "--teacher",
+        "old-hand",
+        "--method",
+        "repaint",
+        *QUICK,
+    ]
     repaint(*words, "--run", "two")
     return home
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import torch
+from numpy.testing import assert_allclose
 from small_learners import (
     course_for,
     learner_of,
@@ -13,9 +14,11 @@ from small_learners import (
 )
 from small_tasks import guess, reach
 
+from repaint_cli.learn.evaluation import evaluate
 from repaint_cli.learn.ppo import train
 from repaint_cli.learn.transfer.course import Course
-from repaint_cli.learn.transfer.courses import Measured, Scheduled
+from repaint_cli.learn.transfer.courses import LEAST, Measured, Scheduled
+from repaint_cli.learn.transfer.measurements import Measurements
 
 TASKS = pytest.mark.parametrize("make", [reach, guess])
 
@@ -71,8 +74,9 @@ def test_a_third_course_goes_on_from_its_state_bit_for_bit():
 )
 def test_the_card_and_the_teachers_pick_the_course(settings, teachers, kind):
     task = with_transfer(reach(), transfer_config(**settings))
+    measured = Measurements(np.zeros((1, 2)), [np.ones((1, 2))] * teachers) if teachers else None
     course = course_for(
-        task, learner_of(task, [0]), teachers_of(*[untrained_teacher(task)] * teachers)
+        task, learner_of(task, [0]), teachers_of(*[untrained_teacher(task)] * teachers), measured
     )
     assert type(course) is kind
 
@@ -86,26 +90,53 @@ def test_a_course_without_teachers_is_over_and_asks_for_nothing():
     assert course.actors() == []
 
 
-def test_a_measured_course_evaluates_students_and_teachers_once():
-    task = with_transfer(reach(), transfer_config(phases="auto"))
-    learner, teacher = learner_of(task, [0, 1]), untrained_teacher(task, 2)
-    course, played = course_for(task, learner, teachers_of(teacher)), []
-
-    def play(network):
-        played.append(network)
-        return np.full((2, 3), float(len(played)))
-
-    for _ in range(2):
-        course.begin(learner.student, play)
-    assert played == [learner.student, teacher]
-    assert course.betas(1).shape == (1, 2)
-
-
-def test_an_evaluation_is_used_while_the_transfer_lasts():
-    task = with_transfer(reach(), transfer_config(phases="auto", iterations=3))
+def measured_course(iterations=9, n_iterations=9):
+    """The course of an automatic transfer from a teacher in the lead, and the episodes given it."""
+    task = with_transfer(
+        reach(n_iterations=n_iterations), transfer_config(phases="auto", iterations=iterations)
+    )
     learner = learner_of(task, [0])
-    course = course_for(task, learner, teachers_of(untrained_teacher(task)))
-    course.begin(learner.student, lambda network: np.zeros((1, 3)))
-    used = [course.after_evaluation(k, "ppo", 10.0, np.ones((1, 3))) for k in (1, 2, 3)]
-    assert used == [True, True, False]
-    assert not Scheduled(task, (), 1).after_evaluation(1, "ppo", 10.0, np.ones((1, 3)))
+    measurements = Measurements(np.zeros((1, 2)), [np.array([[8.0, 9.0]])])
+    course = course_for(task, learner, teachers_of(untrained_teacher(task)), measurements)
+    return course, evaluate(learner.student, task, [0], 5)
+
+
+def test_an_evaluation_counts_while_the_transfer_lasts():
+    course, evaluation = measured_course(iterations=3)
+    assert [course.after_evaluation(k, 10.0, evaluation) for k in (1, 2, 3)] == [2, 2, 0]
+    assert not Scheduled(course.card, (), 1).after_evaluation(1, 10.0, evaluation)
+
+
+def test_an_evaluation_costs_a_twentieth_of_an_iteration_or_two_episodes():
+    course, evaluation = measured_course()
+    length = evaluation.lengths.mean()
+    assert course.after_evaluation(1, 20 * length * 3.5, evaluation) == 3
+    assert course.after_evaluation(2, length, evaluation) == 2
+    assert course.measurements.steps == pytest.approx(5 * length)
+
+
+def test_once_measuring_has_cost_what_it_may_the_transfer_is_over():
+    course, evaluation = measured_course()
+    longer, _ = measured_course(n_iterations=10_000)
+    for one in (course, longer):
+        one.measurements.steps = LEAST + 1.0  # of the longer run less than a twentieth
+        assert one.after_evaluation(1, 10.0, evaluation) == 2
+    assert (course.ended, longer.ended) == (True, False)
+    assert course.after_evaluation(2, 10.0, evaluation) == 0
+    again = Measurements.of_state(course.measurements.state())
+    assert again.ended  # also where the run goes on for longer
+
+
+def test_who_draws_numbered_actions_is_measured_in_its_rollouts():
+    task = with_transfer(
+        guess(n_iterations=2), transfer_config(kickstart_schedule="auto", instance=0)
+    )
+    learner = learner_of(task, [0, 1])
+    measurements = Measurements(np.zeros((2, 2)), [np.full((2, 2), 99.0)])
+    course = course_for(task, learner, teachers_of(untrained_teacher(task, 2)), measurements)
+    *_, last = train(task, learner, course)
+    assert_allclose(measurements.student[0], last.rollout.mean_episodes()[0])
+    assert not course.after_evaluation(1, 10.0, evaluate(learner.student, task, [0, 1], 2))
+    again = course_for(task, learner, course.teachers, measurements)
+    again.load({name: tensor.clone() for name, tensor in course.state().items()})
+    assert again.by_rollouts

@@ -1,4 +1,3 @@
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -38,7 +37,7 @@ def measured(own=-10.0, taught=(-4.0,), spread=0.0):
 def after(found, *own, spread=0.0, steps=100.0):
     """Two evaluations alike: the student's return is the mean of the last two."""
     for _ in range(2):
-        found.add_evaluation(returns(*own, spread=spread), steps, "ppo")
+        found.add_evaluation(returns(*own, spread=spread), steps)
     return found
 
 
@@ -50,34 +49,55 @@ def test_mean_and_error_by_hand():
 
 def test_beta_is_the_share_of_the_lead_over_a_random_policy_that_is_left():
     found = measured(own=-10, taught=(-4,))
-    assert_allclose(found.betas([None]), [[1.0]])
-    assert_allclose(after(found, -7.0).betas([None]), [[0.5]])
-    assert_allclose(after(found, -3.0).betas([None]), [[0.0]])  # the student has passed it
-    assert_allclose(after(found, -12.0).betas([None]), [[1.0]])  # and no more than 1
+    assert_allclose(found.betas(), [[1.0]])
+    assert_allclose(after(found, -7.0).betas(), [[0.5]])
+    assert_allclose(after(found, -3.0).betas(), [[0.0]])  # the student has passed it
+    assert_allclose(after(found, -12.0).betas(), [[1.0]])  # and no more than 1
 
 
 @pytest.mark.parametrize("shift", [-100.0, 0.0, 100.0])
 def test_the_signs_of_returns_do_not_matter(shift):
     found = after(measured(own=shift, taught=(shift + 6,)), shift + 3)
-    assert_allclose(found.betas([None]), [[0.5]])
+    assert_allclose(found.betas(), [[0.5]])
 
 
 def test_what_may_be_chance_is_no_lead():
-    # J_T − J_S = 6, e_T = 1, e_S = √(1 + 1)/2: β = (6 − √1.5)/6
+    # J_T − J_S = 6, e_T = 1, e_S = 1: β = (6 − √2)/6
     found = measured(own=-10, taught=(-4,), spread=1.0)
-    assert_allclose(found.betas([None]), [[1 - np.sqrt(1.5) / 6]])
-    assert_allclose(after(found, -5.0, spread=1.0).betas([None]), [[0.0]])
+    assert_allclose(found.betas(), [[1 - np.sqrt(2) / 6]])
+    assert_allclose(after(found, -5.0, spread=1.0).betas(), [[0.0]])
 
 
-def test_a_teacher_no_better_than_chance_or_of_an_opposed_task_has_no_beta():
-    assert_array_equal(measured(own=-10, taught=(-12,)).betas([None]), [[0.0]])
-    assert_array_equal(measured(own=-10, taught=(-4,)).betas([0.0]), [[0.0]])
-    assert_array_equal(measured(own=-10, taught=(-4,)).betas([0.3]), [[1.0]])
+def test_a_teacher_no_better_than_an_untrained_policy_has_no_beta():
+    assert_array_equal(measured(own=-10, taught=(-12,)).betas(), [[0.0]])
+
+
+def test_who_starts_from_a_teacher_is_as_good_as_it_and_learns_from_others_alone():
+    taught = [returns(-4.0), returns(-6.0)]
+    found = Measurements(returns(-10.0), taught, start=1)
+    assert_allclose(found.betas(), [[(6 - 4) / 6 / 2], [0.0]])
+    after(found, -9.0)  # it has become worse than what it began as
+    again = Measurements.of_state(found.state())
+    assert_allclose(again.betas(), [[5 / 6 / 2], [0.0]])
+
+
+def test_a_teacher_who_leads_by_chance_has_no_beta_however_bad_the_student():
+    found = after(measured(own=-10, taught=(-9.0,), spread=1.0), -14.0, spread=1.0)
+    assert_array_equal(found.betas(), [[0.0]])
+    found = after(measured(own=-10, taught=(-8.0,), spread=1.0), -14.0, spread=1.0)
+    assert_array_equal(found.betas(), [[1.0]])
+
+
+def test_episodes_of_a_rollout_count_where_a_seed_has_two():
+    found = Measurements(returns(-10.0, -10.0), [returns(-4.0, -4.0)])
+    found.add_rollout(np.array([0, 0, 1]), np.array([-8.0, -6.0, -4.0]))
+    # J_S = -7, e_S = 1: (3 - 1)/6; the other seed stays at J_0
+    assert_allclose(found.betas(), [[2 / 6, 1.0]])
 
 
 def test_several_teachers_share_1_each_by_its_own_lead():
     found = after(measured(own=-10, taught=(-4, -7, -20)), -8.0)
-    assert_allclose(found.betas([None] * 3), np.array([[4 / 6], [1 / 3], [0]]) / 3)
+    assert_allclose(found.betas(), np.array([[4 / 6], [1 / 3], [0]]) / 3)
 
 
 def test_the_transfer_ends_when_two_own_iterations_in_a_row_had_no_beta():
@@ -104,16 +124,14 @@ def test_nothing_is_kept_of_a_teacher_without_a_lead():
     assert not found.instances_pay()
 
 
-def test_instances_stop_once_they_clearly_gain_less():
-    found = measured(own=-10.0)
+def test_instances_follow_while_somebody_leads_and_something_is_kept():
+    found = measured()
     assert found.instances_pay()
-    for own, instance in ((-9.0, False), (-9.0, True), (-8.0, False), (-8.0, True)):
-        found.add_evaluation(returns(own), 100.0, "instance" if instance else "ppo")
-    assert not found.instances_pay()  # 1 in each own iteration, 0 in each with instances
-    again = measured(own=-10.0)
-    for own, instance in ((-9.0, False), (-7.0, True), (-6.0, False), (-4.0, True)):
-        again.add_evaluation(returns(own), 100.0, "instance" if instance else "ppo")
-    assert again.instances_pay()
+    found.add_advantages(batch([0.0, 1.0]))
+    found.shares(batch([2.0, 3.0]))
+    assert found.instances_pay()
+    found.shares(batch([-2.0, -3.0]))
+    assert not found.instances_pay()
 
 
 def test_all_that_was_measured_can_be_kept():
@@ -136,10 +154,9 @@ def automatic(task, **more):
 
 
 def course_with(task, learner, teachers, own, *taught):
-    """The course of an automatic transfer that has begun with these mean returns."""
-    course = course_for(task, learner, teachers)
-    course.measurements = Measurements(returns(*own), [returns(*means) for means in taught])
-    return course
+    """The course of an automatic transfer that begins with these mean returns."""
+    measurements = Measurements(returns(*own), [returns(*means) for means in taught])
+    return course_for(task, learner, teachers, measurements)
 
 
 @pytest.mark.parametrize("make", [reach, guess])
@@ -153,7 +170,7 @@ def test_a_teacher_in_the_lead_teaches_until_the_student_has_passed_it(make):
     for stat in train(task, learner, course):
         history.append((stat.phase, stat.metrics.get("kickstart_coef", np.zeros(2)).tolist()))
         own = 0.0 if stat.iteration < 4 else 9.0
-        course.measurements.add_evaluation(returns(own, own), stat.steps, stat.phase)
+        course.measurements.add_evaluation(returns(own, own), stat.steps)
     phases = [phase for phase, _ in history]
     assert phases[0] == "representation"
     assert history[0][1] == [1, 1]
@@ -190,20 +207,12 @@ def test_each_seed_has_a_beta_of_its_own_and_seeds_stay_apart():
     assert_allclose(learner.student.storage[1], alone.student.storage[0], rtol=1e-4, atol=1e-5)
 
 
-def test_a_cosine_that_is_not_positive_is_believed():
-    task = automatic(reach(n_iterations=1))
-    learner = learner_of(task, [0])
-    opposed = [replace(teacher, cosine=-1.0) for teacher in teachers_of(untrained_teacher(task))]
-    (stat,) = train(task, learner, course_with(task, learner, opposed, (0.0,), (6.0,)))
-    assert stat.phase == "ppo"
-
-
 def test_of_several_teachers_only_those_in_the_lead_give_samples():
     task = automatic(reach(n_iterations=1))
     learner = learner_of(task, [0, 1])
     both = teachers_of(untrained_teacher(task, 2, seed=5), untrained_teacher(task, 2, seed=6))
     course = course_with(task, learner, both, (0.0, 0.0), (6.0, 6.0), (-6.0, 6.0))
-    course.measurements.add_betas(course.measurements.betas([None, None]))
+    course.measurements.add_betas(course.measurements.betas())
     course.measurements.quantiles[:] = -1e9  # everything surpasses the students'
     kept, _ = instances_from(task, learner, both, 2, course)
     assert kept.counts.tolist() == [36, 72]
@@ -266,12 +275,6 @@ def test_what_is_not_used_is_not_measured(method, algorithm, automatic):
     settings = ["select.rule=auto", "transfer.phases=auto"]
     plan = Plan(reach().with_settings(settings), method, [0], Path(), algorithm=algorithm)
     assert plan.target.automatic == automatic
-
-
-def test_while_the_critic_warms_up_nothing_is_gained_or_lost():
-    found = measured()
-    found.add_evaluation(returns(-9.0), 100.0, "critic")
-    assert found.gains == {False: [], True: []}
 
 
 @pytest.mark.parametrize("method", ["scratch", "warm-start", "kickstart", "instance"])

@@ -61,7 +61,7 @@ def test_the_three_commands_run_as_typed_twice_in_a_row(repaint, small_races):
         assert note in said.out
         said = repaint("eval", "--render-offscreen")
         assert said.code == 0, said.err
-        assert said.out.startswith("racer-outer · repaint from racer-inner · iteration 2")
+        assert said.out.startswith("racer-outer · repaint auto from racer-inner")
         assert "video.mp4" in said.out
     assert len(list((small_races / "runs" / "racer-inner").iterdir())) == 2
 
@@ -77,6 +77,7 @@ def test_both_can_be_named_wherever_a_teacher_is(repaint, home, own):
     assert (store.find("reacher"), store.find("reacher@shipped")) == (own, shipped)
     assert store.teachers()["reacher@shipped"] == shipped
     words = ["transfer", "--task", "reacher", "--teacher", "reacher@shipped", *QUICK]
+    words += ["--method", "repaint"]
     said = repaint(*words, "--run", "one")
     assert (said.code, "note: " in said.out) == (0, False)
     said = repaint(*words, "--run", "two", "--teacher", "reacher")

@@ -52,7 +52,8 @@ def test_every_command_works_on_it(line, repaint):
     assert teacher.is_file()
 
     # a teacher who was never paid for going right teaches a task that pays for it
-    taught = repaint("transfer", "--task", "go.toml", "--teacher", "stay", "--run", "go")
+    taught = repaint("transfer", "--task", "go.toml", "--teacher", "stay", "--run", "go",
+                     "--method", "repaint")  # fmt: skip
     assert taught.code == 0, taught.err
     rows = (line / "go" / "metrics.csv").read_text().splitlines()
     assert [row.split(",")[2] for row in rows[1:]] == ["representation", "instance"]

@@ -8,7 +8,7 @@ from repaint_cli.errors import NotFound
 from repaint_cli.tasks.card_files import read_task
 from repaint_cli.tasks.card_settings import settings_of
 from repaint_cli.tasks.paper import sources
-from repaint_cli.tasks.presets import with_preset
+from repaint_cli.tasks.presets import automatic, with_preset
 
 SHARED = {
     "ppo.minibatch_size": 64, "ppo.clip_range": 0.2, "ppo.gae_lambda": 0.95,
@@ -80,3 +80,9 @@ def test_every_setting_is_shown_with_its_source(repaint, preset):
     assert "n_iterations = 1000  # paper" in set_lines
     assert 'activation = "tanh"  # Coach' in set_lines
     assert "  # paper" not in repaint("tasks", "show", "ant").out
+
+
+def test_nothing_is_distilled_where_no_policy_moves_alone():
+    shared = read_task("racer-outer").with_settings(["net.shared=true"])
+    assert automatic(shared, [], "ppo", None).transfer.distill_epochs == 0
+    assert automatic(read_task("racer-outer"), [], "ppo", None).transfer.distill_epochs == 40

@@ -2,24 +2,34 @@
 
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from small_runs import QUICK, add_teacher
 
-from repaint_cli.errors import NotFound
+from repaint_cli.cli.transfer_options import TransferOptions
+from repaint_cli.errors import NotFound, UsageError
 from repaint_cli.learn.evaluation import evaluate, play
 from repaint_cli.learn.learner import Learner
 from repaint_cli.learn.seeding import Purpose
+from repaint_cli.learn.transfer.courses import affordable
 from repaint_cli.policies.architecture import NetConfig
 from repaint_cli.policies.networks import ActorCritic
 from repaint_cli.policies.spaces import Spaces
-from repaint_cli.runs.measured_teachers import Chosen, chosen
+from repaint_cli.runs.measured_teachers import Choice, chosen
+from repaint_cli.runs.measuring import first_length, measurements_of
+from repaint_cli.runs.plan import Plan
 from repaint_cli.runs.reader import read_run
+from repaint_cli.runs.record_parts import RankedRecord
+from repaint_cli.runs.with_teachers import with_teachers
 from repaint_cli.tasks.card_files import read_task
+from repaint_cli.tasks.presets import ENDLESS
 from repaint_cli.zoo import store
-from repaint_cli.zoo.ranking import Played, Ranking, _Player, rank, views_worth_playing
+from repaint_cli.zoo.played import Played, Player
+from repaint_cli.zoo.ranking import Ranking, rank, views_worth_playing
 from repaint_cli.zoo.teacher_card import read_card
+from repaint_cli.zoo.view_names import TeacherFile, find
 
 
 def played(name, returns, **known):
@@ -193,11 +203,16 @@ def test_the_view_of_a_teacher_is_the_one_that_earns_most(repaint, home):
 
 
 def test_only_open_views_are_measured(home):
-    names = ["reacher-away", "reacher-gentle:auto", "reacher:both"]
-    found = chosen(read_task("reacher"), names, 0)
-    assert found.teachers == ["reacher-away", "reacher-gentle", "reacher:both"]
-    assert len(found.ranked) == 3
-    assert chosen(read_task("reacher"), names[:1], 0) == Chosen(["reacher-away"])
+    files = [find(name) for name in ("reacher-away", "reacher-gentle:auto", "reacher:both")]
+    choice = chosen(read_task("reacher"), files, 0)
+    assert [file.name for file in choice.files] == [
+        "reacher-away",
+        "reacher-gentle",
+        "reacher:both",
+    ]
+    assert len(choice.ranked) == 3
+    assert [one.teachers for one in choice.ranked] == [(1,), (), ()]
+    assert chosen(read_task("reacher"), files[:1], 0) == Choice((files[0],))
 
 
 def test_methods_are_compared_with_a_measured_teacher(repaint, home):
@@ -228,7 +243,7 @@ def test_the_best_of_many_equal_teachers_is_taken_by_chance_in_one_ranking_of_tw
 def test_untrained_policies_are_as_good_as_each_other(home):
     """By one critic, not each by its own."""
     task = read_task("reacher")
-    player = _Player.of(task, Spaces((10,), 2, False), 1, 20)
+    player = Player.of(task, Spaces((10,), 2, False), 1, 20)
     fresh = Learner.fresh(ActorCritic(player.critic.spaces, task.net, 1), [2], 1.0).student
     rollout, _ = play(fresh, task, [2], 10, purpose=Purpose.SCORE)
     assert player._better(rollout) == pytest.approx(0.5, abs=0.05)
@@ -240,3 +255,204 @@ def test_auto_is_alone_and_no_name(repaint, home):
     assert said.err == "error: --teacher auto stands alone, found reacher beside it\n"
     said = repaint("train-teacher", "--task", "reacher", "--name", "auto", *QUICK)
     assert "expected another name than auto" in said.err
+
+
+@pytest.mark.parametrize(
+    ("steps", "episodes"),
+    [
+        (0, {2}),  # two are played whatever they cost
+        (2 * 50 * 2 + 6 * 50 + 2 * 50, {2, 4}),  # 2 more of the best
+        (10**6, {2, 5}),
+    ],
+)
+def test_measuring_goes_on_with_those_that_may_be_the_best(steps, episodes):
+    task, lengths = read_task("reacher"), []
+
+    def affordable(length):
+        lengths.append(length)
+        return steps
+
+    among = [find("reacher-gentle"), find("reacher-away")]
+    ranking = rank(task, 0, 5, among=among, affordable=affordable)
+    assert lengths == [50]
+    assert {len(one.returns) for one in ranking.teachers} == episodes
+    assert len(ranking.teachers[-1].returns) == 2  # away, which is hopeless
+    best = ranking.teachers[0]
+    assert len({*best.returns.tolist()}) == len(best.returns)  # each episode is another
+    assert len(best.lengths) == len(best.reverse) == len(best.returns)
+
+
+def test_measuring_costs_a_twentieth_of_the_run_or_1500_steps():
+    reacher = read_task("reacher").with_settings(["ppo.n_steps=2000", "ppo.n_iterations=10"])
+    assert affordable(reacher, 50.0) == 1500
+    longer = reacher.with_settings(["ppo.n_iterations=100"])
+    assert affordable(longer, 50.0) == 10_000
+    racer = read_task("racer-outer").with_settings(["ppo.n_iterations=20"])  # of 20 episodes
+    assert affordable(racer, 200.0) == 4000
+    assert affordable(racer.with_settings(["ppo.max_steps=2500"]), 200.0) == 2500
+
+
+@pytest.mark.parametrize(
+    ("teacher", "settings", "starts"),
+    [
+        ("reacher-gentle", [], True),
+        ("reacher-away", [], False),  # worse than nobody
+        ("reacher-gentle", ["net.hidden=[32,32]"], False),  # its weights do not fit
+    ],
+)
+def test_a_student_starts_from_a_teacher_with_equal_networks_in_the_lead(teacher, settings, starts):
+    card = read_task("reacher").with_settings(["transfer.start=auto", *settings])
+    choice = chosen(card, [find(teacher)], 0)
+    assert choice.settled(card).transfer.start == ("teacher" if starts else "untrained")
+    fixed = card.with_settings(["transfer.start=teacher"])
+    assert choice.settled(fixed) == fixed
+
+
+def test_an_automatic_student_begins_as_a_teacher_who_leads(repaint, home):
+    words = ["transfer", "--task", "reacher", *QUICK, "--run", "run", "--auto"]
+    said = repaint(*words, "--teacher", "reacher-gentle", "--seeds", 2)
+    assert said.code == 0, said.err
+    record = json.loads((home / "run" / "run.json").read_text())
+    assert record["transfer"]["start"] == "teacher"
+    assert record["transfer"]["iterations"] == 0  # PPO alone goes on
+    assert [one["teachers"] for one in record["ranked"]].count([0]) == 1
+    run = read_run(home / "run")
+    assert (run.returns[:, 0] > -9).all()  # an untrained policy earns -12
+    assert set(run.rows["kickstart_coef"].ravel()) == {0.0}  # it is as good as the teacher
+    assert repaint("transfer", "--resume", "run", "--iterations", 3).code == 0
+
+
+def test_an_automatic_student_with_other_networks_imitates_first(repaint, home):
+    words = ["transfer", "--task", "reacher", *QUICK, "--run", "run", "--auto"]
+    said = repaint(*words, "--teacher", "reacher-gentle", "--set", "net.hidden=[32,32]")
+    assert said.code == 0, said.err
+    run = read_run(home / "run")
+    assert run.record.transfer["start"] == "untrained"
+    assert run.rows["kickstart_coef"][0, 0] > 0.5
+    assert "distill_cross_entropy" in (home / "run" / "metrics.csv").read_text()
+
+
+def test_two_tasks_are_compared_by_what_a_teacher_earns(repaint, home):
+    said = repaint("similarity", "reacher-gentle", "reacher", "--measure")
+    assert said.code == 0, said.err
+    assert "reacher-gentle → reacher  0.894  similar" in said.out
+    rows = [line.split()[0] for line in said.out.splitlines() if "[" in line][1:4]
+    assert rows == ["reacher-gentle", "reacher-gentle:both", "untrained"]
+    assert "take reacher-gentle; the plain command starts from its weights" in said.out
+    found = json.loads(
+        repaint("similarity", "reacher-gentle", "reacher", "--measure", "--json").out
+    )
+    assert [one["name"] for one in found[0]["measured"]["policies"]] == rows
+    refused = repaint("similarity", "reacher", "--measure")
+    assert refused.code == UsageError.exit_code
+    assert "--measure needs a teacher and a task, found 1 names" in refused.err
+
+
+def test_the_first_rollout_of_who_starts_from_a_teacher_is_as_long_as_its_episodes(tmp_path):
+    ranked = RankedRecord(
+        name="old-hand", mean=1.0, low=1.0, high=1.0, better=0.5, cosine=None, steps=500,
+        returns=(1.0, 1.0), teachers=(0,),
+    )  # fmt: skip
+    card = read_task("racer-outer").with_settings(["ppo.max_steps=750"])
+    plan = Plan(card, "repaint", [0, 1], tmp_path, ranked=(ranked,))
+    assert first_length(plan) == 250
+    assert first_length(replace(plan, ranked=())) == 0
+    assert first_length(replace(plan, task=read_task("racer-outer"))) == 0
+
+
+CAR = read_task("racer-outer").with_settings(
+    ["transfer.start=auto", f"transfer.iterations={ENDLESS}"]
+)
+ONE, TWO = TeacherFile(Path("one")), TeacherFile(Path("two"))
+
+
+@pytest.mark.parametrize(
+    ("choice", "settings"),
+    [
+        (Choice((ONE,), leads=True, starts=True), ("teacher", 0, 750)),
+        (Choice((ONE, TWO), leads=True, starts=True), ("teacher", ENDLESS, 750)),
+        (Choice((ONE,), leads=True), ("untrained", ENDLESS, 750)),
+        (Choice((ONE,)), ("untrained", 0, None)),  # as from scratch
+    ],
+)
+def test_what_is_settled_before_a_run(choice, settings):
+    card = choice.settled(CAR)
+    assert (card.transfer.start, card.transfer.iterations, card.ppo.max_steps) == settings
+
+
+def test_what_is_decided_by_hand_is_not_settled():
+    choice = Choice((ONE,), leads=True, starts=True)
+    card = choice.settled(CAR.with_settings(["transfer.iterations=5", "ppo.max_steps=3000"]))
+    assert (card.transfer.iterations, card.ppo.max_steps) == (5, 3000)
+    arm = read_task("reacher").with_settings(["transfer.start=auto"])
+    assert choice.settled(arm).ppo.max_steps is None  # its rollouts count steps
+
+
+def test_weights_are_taken_where_both_images_are_hardly_better():
+    """On Reacher both images together may earn more by chance, and have no weights to start as."""
+    card = read_task("reacher").with_settings(["transfer.start=auto"])
+    views = {chosen(card, [find("reacher-gentle:auto")], seed).files[0].view for seed in range(6)}
+    assert views == {""}
+
+
+def test_two_teachers_may_become_one_view():
+    card = read_task("reacher").with_settings(["transfer.kickstart_schedule=auto"])
+    files = [find("reacher-gentle"), find("reacher-gentle")]
+    choice = chosen(card, files, 0)
+    assert choice.files == tuple(files)
+    assert choice.ranked[0].teachers == (0, 1)
+    plan = Plan(card, "kickstart", [0], Path("run"), choice.files, ranked=choice.ranked)
+    measurements = measurements_of(plan)
+    assert measurements is not None
+    assert measurements.betas().shape == (2, 1)
+
+
+def test_a_teacher_who_leads_nobody_leaves_scratch_bit_for_bit(repaint, home):
+    words = ["transfer", "--task", "reacher", *QUICK]
+    said = repaint(*words, "--teacher", "reacher-away", "--run", "run")
+    assert said.code == 0, said.err
+    assert "automatic: no student learns from reacher-away" in said.out
+    assert repaint(*words, "--method", "scratch", "--run", "scratch").code == 0
+    runs = [read_run(home / name) for name in ("run", "scratch")]
+    np.testing.assert_array_equal(runs[0].returns, runs[1].returns)
+    gap = runs[0].rows["env_steps"] - runs[1].rows["env_steps"]
+    assert (gap == sum(one.steps for one in runs[0].record.ranked)).all()
+
+
+@pytest.mark.slow
+def test_the_inner_lane_s_driver_teaches_the_outer_lane_in_the_mirror(tmp_path):
+    open_plan = Plan(CAR, "repaint", [100, 101], tmp_path)
+    plan = with_teachers(open_plan, ["racer-inner:auto"])
+    assert [file.view for file in plan.teachers] == ["mirrored"]
+    assert plan.task.transfer.start == "teacher"
+    assert plan.task.net.flip_images
+    assert sum(one.steps for one in plan.ranked) < 1700  # two episodes each, and what 1,500 allow
+    by_q = with_teachers(
+        replace(open_plan, method="instance", algorithm="q-learning"), ["racer-inner"]
+    )
+    assert by_q.ranked == ()
+    assert by_q.transfer.start == "untrained"
+
+
+HOW = [
+    ["--method", "repaint"], ["--algorithm", "q-learning"], ["--preset", "paper"],
+    ["--ratio", "1:1"], ["--beta", "0.2"], ["--beta-decay", "0.9"], ["--select", "top"],
+    ["--threshold", "0.5"],
+    ["--objective", "a2c"], ["--transfer-iterations", "3"], ["--instances-from", "old-hand"],
+    ["--set", "transfer.alpha_2=0.5"], ["--set", "select.min_samples=3"],
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("how", HOW, ids=" ".join)
+def test_a_transfer_is_automatic_where_nothing_says_how(how):
+    values = {name[2:].replace("-", "_"): value for name, value in [how]}
+    options = TransferOptions(None, task="reacher", teacher=["old-hand"])
+    assert options.automatic
+    for name in ("set", "instances_from"):
+        if name in values:
+            values[name] = [values[name]]
+    if "transfer_iterations" in values:
+        values["transfer_iterations"] = 3
+    assert not options._replace(**values).automatic
+    assert options._replace(**values, auto=True).automatic
+    assert options._replace(set=["ppo.n_iterations=3"], seeds=2, run="run").automatic

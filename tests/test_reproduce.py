@@ -150,3 +150,16 @@ def worker_of(parent):
             return int(children[0])
         time.sleep(0.1)
     raise AssertionError("nothing was begun")
+
+
+def test_a_run_that_is_automatic_has_its_teachers_play_when_it_begins(repaint, home):
+    auto = '[{ name = "plain command", auto = true }]'
+    (home / "mine.toml").write_text(small(auto, "reacher-gentle"))
+    said = repaint("reproduce", "mine.toml", *SMOKE)
+    assert said.code == 0, said.err
+    (folder,) = (home / "reproduce" / "runs").iterdir()
+    record = json.loads((folder / "run.json").read_text())
+    assert record["task"]["transfer"]["start"] == "teacher"
+    assert [one["name"] for one in record["ranked"]][-1] == "untrained"
+    said = repaint("reproduce", "mine.toml", *SMOKE)
+    assert "0 to train" in said.err

@@ -3,6 +3,7 @@
 import csv
 import json
 import signal
+from pathlib import Path
 
 import killed_runs
 import pytest
@@ -29,11 +30,14 @@ def contents(folder):
     best, card = load(folder / "best.safetensors")
     draw_run(read_run(folder))
     logs = sorted((folder / "deepracer").rglob("TrainingMetrics.json"))
+    record = {k: v for k, v in record_of(folder).items() if k not in ("seconds", "teachers")}
+    for one in record["ranked"]:
+        one["name"] = Path(one["name"]).name  # beside which folder they lie differs
     return {
         "tables": {str(p.relative_to(folder)): table(p) for p in sorted(folder.rglob("*.csv"))},
         "tensors": bits(tensors), "notes": notes, "best": bits(best),
         "which": (card["iteration"], card["seed"], card["env_steps"]),
-        "record": {k: v for k, v in record_of(folder).items() if k not in ("seconds", "teachers")},
+        "record": record,
         "pictures": {path.name: path.read_bytes() for path in sorted(folder.glob("*.png"))},
         "logs": [path.read_text() for path in logs],
         "files": {str(path.relative_to(folder)) for path in folder.rglob("*")},

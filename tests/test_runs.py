@@ -61,8 +61,9 @@ def written(said):
 def test_a_transfer_writes_all_it_says_and_says_all_it_writes(repaint, home):
     teacher = add_teacher(home / "home" / "zoo", task="reacher-gentle")
     said = repaint(
-        "transfer", "--teacher", "old-hand", "--task", "reacher", "--seeds", 2, "--seed", 5, *QUICK
-    )
+        "transfer", "--teacher", "old-hand", "--task", "reacher", "--seeds", 2, "--seed", 5, *QUICK,
+        "--method", "repaint",
+    )  # fmt: skip
     (folder,) = (home / "runs" / "reacher").iterdir()
     assert folder.name.startswith("repaint-old-hand-20")
     assert said.code == 0
@@ -141,12 +142,12 @@ def test_a_students_file_names_its_teachers_hash_and_is_a_teacher(repaint, home)
 
 def test_an_interruption_before_the_first_iteration_is_on_record(home, monkeypatch):
     path = add_teacher(home / "home" / "zoo")
-    card = read_task("reacher").with_settings(["transfer.phases=auto", "eval.episodes=2"])
+    card = read_task("reacher").with_settings(["eval.episodes=2"])
 
     def interrupt(*args):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(experiment, "begin_course", interrupt)
+    monkeypatch.setitem(experiment.TRAINERS, "ppo", interrupt)
     plan = Plan(card, "repaint", [0], home / "run", (TeacherFile(path),))
     with pytest.raises(KeyboardInterrupt), new_run(plan) as run:
         next(run.run())

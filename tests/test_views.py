@@ -97,7 +97,7 @@ def test_a_run_says_the_view_and_goes_on_with_it(repaint, home, old_hand):
     assert said.code == 0
     (teacher,) = record_of(home)["teachers"]
     assert (teacher["name"], teacher["view"]) == ("old-hand", "mirrored")
-    assert read_run(home / "run").label == "repaint from old-hand:mirrored"
+    assert read_run(home / "run").label == "repaint auto from old-hand:mirrored"
     assert repaint("transfer", "--resume", "run", "--iterations", 4).code == 0
     whole = [*REACHER[:-1], "whole", "--iterations", 4, "--teacher", "old-hand", "--view", "mirror"]
     assert repaint(*whole).code == 0
@@ -259,13 +259,12 @@ def test_both_images_of_cameras_and_lidar_teach(repaint, home):
     assert rows[1]["distill_cross_entropy"] == ""
 
 
-def test_weights_and_cosine_carry_the_signs(home, driver):
+def test_weights_carry_the_signs(home, driver):
     task = read_task("racer-outer").with_settings(["net.conv=[[4,8,8]]", "net.dense=8"])
     for view, cosine in (("", -1.0), ("mirrored", 1.0)):
         plan = Plan(task, "kickstart", [0], home / "run", (TeacherFile(driver, view),))
         _, loaded = plan.check()
         (teacher,) = loaded.teachers
-        assert teacher.cosine == pytest.approx(cosine)
         own = dict(zip(task.reward, teacher.weights, strict=True))
         assert own["lane"] * task.reward["lane"] * cosine > 0
 

@@ -15,7 +15,7 @@ from pathlib import Path
 
 from repaint_cli.errors import RepaintError, StoreError
 from repaint_cli.experiments.estimates import hours_of
-from repaint_cli.experiments.files import list_experiments
+from repaint_cli.experiments.files import list_experiments, read_experiment
 from repaint_cli.experiments.folder import ExperimentFolder, ExperimentRecord
 from repaint_cli.experiments.measures import MeasuredRow, rows_of
 from repaint_cli.experiments.results import read_curves
@@ -24,6 +24,8 @@ from repaint_cli.experiments.tables import MEANING, MORE, markdown
 
 ROOT = Path(__file__).parents[1]
 RESULTS = ROOT / "benchmarks" / "results" / "reproduce"
+OWN = ROOT / "benchmarks" / "transfer"
+"""Experiments that are not the paper's: how the plain command was chosen, and what it earns."""
 PAGE = ROOT / "docs" / "results.md"
 BEGIN, END = "<!-- by tools/results.py -->\n", "<!-- end of tools/results.py -->\n"
 WIDTH = 120
@@ -39,6 +41,21 @@ are those of the scale, in `experiments/*.toml`. `python tools/results.py` wrote
 CSVs below `benchmarks/results/`, one for each experiment and scale that was run.
 """
 
+OWN_INTRO = """## The plain command
+
+`repaint transfer --teacher T --task S` decides how to use a teacher by what it measures
+([Transfer a teacher](transfer.md)). `judge-…` are what it earns, on seeds that nothing was chosen
+on; `choose-…` is what it was chosen among, on others, from 100 on. Numbers of training are those of
+the cards; students who are taught to race learn from rollouts of about 750 steps (`ppo.max_steps`),
+scratch from the card's 20 episodes. What measuring teachers cost is counted as steps.
+"""
+
+
+def own_experiments() -> list[Experiment]:
+    """Return the experiments that are not the paper's, the judging ones first."""
+    paths = sorted(OWN.glob("*.toml"), key=lambda path: (path.stem.startswith("choose"), path))
+    return [read_experiment(str(path)) for path in paths]
+
 
 def csv_of(experiment: Experiment, scale: str) -> Path:
     """Return where the curves of an experiment are committed."""
@@ -47,7 +64,10 @@ def csv_of(experiment: Experiment, scale: str) -> Path:
 
 def command_of(experiment: Experiment, scale: str) -> str:
     """Return the command that makes the results of an experiment, wherever it was carried out."""
-    return f"repaint reproduce {experiment.name} --scale {scale}"
+    name = experiment.name
+    if Path(experiment.file).suffix:
+        name = f"{OWN.relative_to(ROOT).as_posix()}/{name}.toml"
+    return f"repaint reproduce {name} --scale {scale}"
 
 
 def collect(into: Path) -> Iterator[Path]:
@@ -56,7 +76,7 @@ def collect(into: Path) -> Iterator[Path]:
     Raises:
         StoreError: a record in a folder of results is of the scale smoke.
     """
-    for experiment in list_experiments():
+    for experiment in (*list_experiments(), *own_experiments()):
         for scale in REAL:
             folder = ExperimentFolder(into / scale / experiment.name)
             if experiment.gathers or not folder.record.is_file():
@@ -64,7 +84,7 @@ def collect(into: Path) -> Iterator[Path]:
             record = ExperimentRecord.read(folder.record)
             if record.scale != scale:
                 raise StoreError(f"{folder.path} is of the scale {record.scale}: no result")
-            if record.definition != experiment.model_dump(mode="json"):
+            if not record.is_of(experiment):
                 print(f"left out, of an earlier definition: {folder.path}", file=sys.stderr)
             elif record.finished:
                 path = csv_of(experiment, scale)
@@ -76,22 +96,26 @@ def collect(into: Path) -> Iterator[Path]:
 
 def section() -> str:
     """Return the section of the page."""
-    experiments = list_experiments()
+    ours, paper_s = own_experiments(), list_experiments()
+    parts = [OWN_INTRO, *_parts(ours), INTRO, *_parts(paper_s)]
+    parts.append("\n".join(_not_run([*ours, *paper_s])))
+    return "\n".join(parts)
+
+
+def _parts(experiments: list[Experiment]) -> Iterator[str]:
+    """Yield what is on the page of each experiment at each scale."""
     known = {
         (one.name, scale): rows
         for one in experiments
         for scale in REAL
         if not one.gathers and (rows := rows_at(one, scale))
     }
-    parts = [INTRO]
     for one in experiments:
         for scale in reversed(REAL):
             own = known.get((one.name, scale), [])
             gathered = [row for name in one.gathers for row in known.get((name, scale), [])]
             if rows := own + [row for row in gathered if row.paper]:
-                parts.append("\n".join(_part(one, scale, rows)))
-    parts.append("\n".join(_not_run(experiments)))
-    return "\n".join(parts)
+                yield "\n".join(_part(one, scale, rows))
 
 
 def rows_at(experiment: Experiment, scale: str) -> list[MeasuredRow]:

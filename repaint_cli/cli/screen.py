@@ -38,6 +38,8 @@ class Screen(Watcher):
             out.print(f"[yellow]warning:[/yellow] {literal(notice)}")
         plan, self._done = experiment.plan, experiment.learner.iteration
         if plan.ranked and plan.begun is None:
+            by_lead = plan.target.transfer.kickstart_schedule == "auto"
+            _print_notes([_decided(plan)] if by_lead else [])
             _print_notes([_measured(plan)])
         _print_notes(namesakes.of_used(file.path for file in plan.teachers))
         if plan.teacher_name:
@@ -113,6 +115,20 @@ class Screen(Watcher):
 def _print_notes(notes: Iterable[str]) -> None:
     for note in notes:
         out.print(f"note: {literal(note)}")
+
+
+def _decided(plan: Plan) -> str:
+    """Return how an automatic transfer uses its teachers, and what to type for the card's way."""
+    by_number = sorted((which, one.name) for one in plan.ranked for which in one.teachers)
+    first, *others = [name for _, name in by_number]
+    names, transfer = " and ".join((first, *others)), plan.target.transfer
+    how = f"students imitate {names}, as long as a teacher is ahead"
+    if transfer.start == "teacher":
+        how = f"students start from {first}"
+        how += f", and imitate {' and '.join(others)}" if others else ""
+    elif not transfer.iterations:
+        how = f"no student learns from {names}, who is not ahead of chance"
+    return f"automatic: {how} (--method repaint: as the card says)"
 
 
 def _measured(plan: Plan) -> str:

@@ -3,11 +3,13 @@
 from typing import TYPE_CHECKING, Annotated
 
 from repaint_cli.cli import completion
-from repaint_cli.cli.options import AsJson, argument
+from repaint_cli.cli.help_page import OPTIONS
+from repaint_cli.cli.options import AsJson, argument, option
 
 if TYPE_CHECKING:
     from repaint_cli.tasks.reward_fit import Fit
     from repaint_cli.tasks.similarity import Similarities, Similarity
+    from repaint_cli.zoo.ranking import Ranking
 
 
 def similarity(
@@ -19,6 +21,16 @@ def similarity(
             autocompletion=completion.tasks_and_teachers,
         ),
     ] = None,
+    measure: Annotated[
+        bool,
+        option(
+            OPTIONS,
+            None,
+            "Let the first, a teacher, play the second, a task: 20 episodes in each view, as in "
+            "repaint zoo rank.",
+            "--measure",
+        ),
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
     """Compare tasks by the cosine of their reward weights.
@@ -27,24 +39,34 @@ def similarity(
     the target.
 
     Examples:
-        repaint similarity
         repaint similarity racer-inner racer-outer
+        repaint similarity racer-inner racer-outer --measure
     """
     import json
 
     import repaint_cli
     from repaint_cli.cli.console import plain
     from repaint_cli.cli.namesakes import print_notes
+    from repaint_cli.cli.zoo_rank import print_ranking, ranking_as_json
+    from repaint_cli.errors import UsageError
     from repaint_cli.files.paths import shipped_tasks
 
     def print_fit(name: str, fit: "Fit") -> None:
         if not as_json:
             print(f"{name} weighs {fit}")
 
+    if measure and len(names or ()) != 2:
+        raise UsageError(
+            f"--measure needs a teacher and a task, found {len(names or ())} names; to measure all "
+            "teachers: repaint zoo rank --task TASK"
+        )
     print_notes(*(name for name in names or () if name not in shipped_tasks()))
     similarities = repaint_cli.similarity(*(names or ()), on_fit=print_fit)
+    ranking = _measured(*(names or ())) if measure else None
     pairs = [pair._asdict() for pair in similarities.pairs]
     if as_json:
+        if ranking:
+            pairs[0]["measured"] = ranking_as_json(ranking)
         return print(json.dumps(pairs[:1] if len(similarities.tasks) == 2 else pairs, indent=2))
     if len(similarities.tasks) > 2:
         return _print_matrix(similarities)
@@ -53,6 +75,24 @@ def similarity(
     reason = f": {plain(pair.reason)}" if pair.reason else ""
     print(f"{plain(pair.teacher)} → {plain(pair.target)}  {value}{pair.relation}{reason}")
     _print_views(pair)
+    if ranking and names:
+        print()
+        print_ranking(ranking, names[1])
+
+
+def _measured(teacher: str, task: str) -> "Ranking":
+    """Let a teacher play a task in every view that may differ."""
+    from rich.console import Console
+
+    import repaint_cli
+    from repaint_cli.cli.live import live
+    from repaint_cli.zoo.ranking import rank, views_of
+    from repaint_cli.zoo.view_names import AUTO, find, in_view
+
+    card = repaint_cli.load_task(task)
+    (name,) = in_view([teacher], AUTO)
+    with live(Console(stderr=True)):
+        return rank(card, 0, among=views_of(find(name), card))
 
 
 def _print_views(pair: "Similarity") -> None:

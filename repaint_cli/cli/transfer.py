@@ -33,7 +33,7 @@ def transfer(options: TransferOptions) -> None:
     """
     import repaint_cli
     from repaint_cli.tasks.methods import method_for
-    from repaint_cli.tasks.presets import automatic_settings, with_preset
+    from repaint_cli.tasks.presets import automatic, with_preset
 
     if options.resume:
         return _resume(options, options.resume)
@@ -43,21 +43,22 @@ def transfer(options: TransferOptions) -> None:
     task = repaint_cli.load_task(task_named(options.task))
     check_together(options)
     settings = settings_of(options, algorithm)
-    if options.auto:
-        settings = automatic_settings(settings, algorithm, method)
     card = with_preset(task, options.preset).with_settings(settings)
+    if options.automatic:
+        card = automatic(card, settings, algorithm, method)
     check_card(options, card, algorithm)
     seeds = seed_list(options.seed, options.seeds)
     if options.dry_run:
         return dry_run(task, lambda: [_plan(options, card, seeds, method)])
-    teachers, acting = _in_view(options)
     return screen().run(
         repaint_cli.transfer,
         card,
-        teachers,
+        options.teacher or (),
         method=method,
         algorithm=algorithm,
-        instances_from=acting,
+        auto=False,  # the card says it already
+        view=_view(options),
+        instances_from=options.instances_from or (),
         seeds=seeds,
         folder=options.run,
         keep=options.keep,
@@ -69,19 +70,15 @@ def _plan(options: TransferOptions, card: "TaskCard", seeds: list[int], method: 
     """Return what would be done."""
     from repaint_cli.runs.start import plan_transfer
 
-    teachers, acting = _in_view(options)
     return plan_transfer(
-        card, teachers, seeds, method, options.algorithm, acting, options.run, options.keep
-    )
+        card, options.teacher or (), seeds, method, options.algorithm,
+        options.instances_from or (), options.run, options.keep, _view(options),
+    )  # fmt: skip
 
 
-def _in_view(options: TransferOptions) -> tuple[list[str], list[str]]:
-    """Return the teachers, and those whose samples are used, as they are looked at."""
-    from repaint_cli.zoo.view_names import in_view
-
-    names = (options.teacher or (), options.instances_from or ())
-    teachers, acting = (in_view(typed, options.view) for typed in names)
-    return teachers, acting
+def _view(options: TransferOptions) -> str:
+    """Return how teachers without a view of their own are looked at."""
+    return options.view or ("auto" if options.automatic else "none")
 
 
 def _resume(options: TransferOptions, folder: Path) -> None:

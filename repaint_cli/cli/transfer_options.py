@@ -32,8 +32,15 @@ from repaint_cli.cli.options import (
     option,
 )
 from repaint_cli.tasks.methods import METHODS
+from repaint_cli.tasks.presets import says_how
 
 METHOD_HELP = "; ".join(f"{name}: {method.summary}" for name, method in METHODS.items())
+
+SAYING_HOW = (
+    "instances_from", "method", "algorithm", "preset", "ratio", "beta", "beta_decay", "select",
+    "threshold", "objective", "transfer_iterations",
+)  # fmt: skip
+"""Options that say how teachers are used; where none is given, that is measured."""
 
 ONE_SELECTION = Condition(
     lambda options: options.select == "auto" or not options.selects_by_itself,
@@ -66,15 +73,16 @@ class TransferOptions(NamedTuple):
         Rule(methods=TAUGHT),
     ] = None
     view: Annotated[
-        str,
+        str | None,
         option(
             WHOM,
             "VIEW",
             "How teachers without a view of their own (NAME:mirrored, NAME:both) are looked at: "
-            "none, mirror, both, or auto: what earns most in five episodes.",
+            "none, mirror, both, or auto: what earns most in two to five episodes. Default: auto "
+            "where what is measured decides (--auto), else none.",
         ),
         Rule(methods=TAUGHT),
-    ] = "none"
+    ] = None
     instances_from: Annotated[
         list[str] | None,
         option(
@@ -90,7 +98,7 @@ class TransferOptions(NamedTuple):
         option(
             HOW,
             "METHOD",
-            f"{METHOD_HELP}. Default: repaint.",
+            f"{METHOD_HELP}. Default: repaint, as --auto has it.",
             autocompletion=completion.methods,
         ),
     ] = None
@@ -109,7 +117,9 @@ class TransferOptions(NamedTuple):
         option(
             HOW,
             None,
-            "Let what is measured decide β, ζ, the ratio and the end of the transfer.",
+            "Let what is measured decide how to use the teacher, but for what other options say. "
+            "The default where none of this kind is given, nor --instances-from, "
+            "--transfer-iterations, or --set of transfer, select or ppo.objective.",
             "--auto",
         ),
         Rule(methods=KICKSTART & ALTERNATING),
@@ -158,7 +168,9 @@ class TransferOptions(NamedTuple):
     iterations: Iterations = None
     transfer_iterations: Annotated[
         int | None,
-        option(LONG, "INT", "K, the last iteration with the teacher. Default: the card's."),
+        option(
+            LONG, "INT", "K, the last iteration with the teacher. Default: the card's, or measured."
+        ),
         Rule("transfer.iterations", methods=KICKSTART | INSTANCE),
     ] = None
     seeds: Seeds = 1
@@ -171,6 +183,12 @@ class TransferOptions(NamedTuple):
     keep: Keep = 1
     track: Track = None
     tensorboard: TensorBoard = False
+
+    @property
+    def automatic(self) -> bool:
+        """Whether what is measured decides how teachers are used."""
+        said = any(getattr(self, name) != self._field_defaults[name] for name in SAYING_HOW)
+        return self.auto or not (said or says_how(self.set or ()))
 
     @property
     def selects_by_itself(self) -> bool:

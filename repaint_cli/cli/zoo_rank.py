@@ -8,7 +8,8 @@ from repaint_cli.cli.options import AsJson, option
 from repaint_cli.files.commands import command
 
 if TYPE_CHECKING:
-    from repaint_cli.zoo.ranking import Played, Ranking
+    from repaint_cli.zoo.played import Played
+    from repaint_cli.zoo.ranking import Ranking
 
 
 def rank(
@@ -45,7 +46,12 @@ def rank(
     with live(Console(stderr=True)):
         ranking = rank(repaint_cli.load_task(task), seed, episodes)
     if as_json:
-        return print(json.dumps(_as_json(ranking), indent=2))
+        return print(json.dumps(ranking_as_json(ranking), indent=2))
+    print_ranking(ranking, task)
+
+
+def print_ranking(ranking: "Ranking", task: str) -> None:
+    """Print a ranking, whom to take, and the next command; the task as it is typed."""
     _print_table(ranking)
     print(verdict(ranking))
     print(command(*_next(ranking, task)))
@@ -57,8 +63,8 @@ def verdict(ranking: "Ranking") -> str:
     lead = f"the best, {best.name}: {ranking.comparison}"
     if ranking.best is None:
         return f"{lead}\ntake nobody, that is no more than chance"
-    how = "start from its weights" if best.same_networks else "imitate it first"
-    return f"{lead}\ntake {best.name}, {how}"
+    how = "starts from its weights" if best.same_networks else "imitates it first"
+    return f"{lead}\ntake {best.name}; the plain command {how}"
 
 
 def _next(ranking: "Ranking", task: str) -> tuple[str, ...]:
@@ -66,15 +72,10 @@ def _next(ranking: "Ranking", task: str) -> tuple[str, ...]:
     best = ranking.best
     if best is None:
         return "next: repaint transfer --task {} --method scratch", task
-    how = "--set transfer.distill_epochs=40"
-    if best.same_networks:
-        how = "--method warm-start"
-    elif ranking.task.net.shared:  # which leaves nothing that could be distilled alone
-        how = "--method kickstart"
-    return f"next: repaint transfer --teacher {{}} --task {{}} {how}", best.name, task
+    return "next: repaint transfer --teacher {} --task {}", best.name, task
 
 
-def _as_json(ranking: "Ranking") -> dict[str, Any]:
+def ranking_as_json(ranking: "Ranking") -> dict[str, Any]:
     """Return a ranking as JSON."""
     best = ranking.best
     everybody = [*ranking.teachers, ranking.untrained]

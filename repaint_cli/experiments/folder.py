@@ -12,6 +12,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from repaint_cli.errors import CheckpointError, StoreError, reported_as
 from repaint_cli.experiments.planned import PlannedExperiment
+from repaint_cli.experiments.schema import Experiment
 from repaint_cli.files.atomic import as_json, write_text
 from repaint_cli.files.limits import read_json
 from repaint_cli.files.provenance import versions
@@ -102,6 +103,17 @@ class ExperimentRecord(BaseModel):
             )
         return record
 
+    def is_of(self, experiment: Experiment) -> bool:
+        """Return whether the experiment is still defined as it was.
+
+        What an earlier version of repaint did not know has its default.
+        """
+        try:
+            before = Experiment.model_validate(self.definition)
+        except ValidationError:
+            return False
+        return before.model_dump() == experiment.model_dump()
+
     def write(self, path: Path) -> None:
         """Write the record.
 
@@ -132,7 +144,7 @@ def own_folder(planned: PlannedExperiment, replace: bool) -> ExperimentFolder:
                 "--replace it: no run is lost by that"
             )
         done = all(run.left() is None for run in planned.all_runs())
-        if before.finished and done and before.definition == _definition(planned):
+        if before.finished and done and before.is_of(planned.experiment):
             return folder
     elif folder.path.exists() and any(folder.path.iterdir()):
         raise StoreError(f"{folder.path} is there and is no experiment's; name another with --into")

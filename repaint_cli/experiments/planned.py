@@ -19,6 +19,7 @@ from repaint_cli.runs.folder import RunFolder
 from repaint_cli.runs.plan import Plan
 from repaint_cli.runs.reader import RecordedRun, read_run
 from repaint_cli.tasks.card import TaskCard
+from repaint_cli.tasks.methods import METHODS
 from repaint_cli.zoo.view_names import TeacherFile
 
 INTO = Path("reproduce")
@@ -97,11 +98,24 @@ class PlannedRun:
         if not RunFolder(self.folder).is_run():
             return None
         run = read_run(self.folder)
-        card = self.card.model_copy(update={"summary": run.task.summary})
+        card = self._as_settled(run.task).model_copy(update={"summary": run.task.summary})
         same = run.task == card and run.method == self.method
         if not same or run.seeds != list(self.seeds):
             raise StoreError(f"{self.folder} holds another run than its name says; move it away")
         return run
+
+    def _as_settled(self, task: TaskCard) -> TaskCard:
+        """Return the card with what was open and is settled in a task: what students start from."""
+        if METHODS[self.method].apply(self.card.transfer).start == "untrained":
+            return self.card
+        net = self.card.net.model_copy(update={"flip_images": task.net.flip_images})
+        card = self.card.model_copy(update={"net": net})
+        if card.transfer.start != "auto":
+            return card
+        settled = {name: getattr(task.transfer, name) for name in ("start", "iterations")}
+        transfer = card.transfer.model_copy(update=settled)
+        ppo = card.ppo.model_copy(update={"max_steps": task.ppo.max_steps})
+        return card.model_copy(update={"transfer": transfer, "ppo": ppo})
 
     def left(self) -> int | None:
         """Return how many iterations are left to train; None once all is written.

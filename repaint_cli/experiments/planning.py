@@ -20,6 +20,7 @@ from repaint_cli.files.atomic import sha256
 from repaint_cli.tasks.card import TaskCard
 from repaint_cli.tasks.card_files import read_task
 from repaint_cli.tasks.methods import METHODS
+from repaint_cli.tasks.presets import automatic
 from repaint_cli.zoo import store, view_names
 from repaint_cli.zoo.teacher_card import read_card
 from repaint_cli.zoo.views import as_warm_started
@@ -80,13 +81,19 @@ class _Maker:
         scale = self.scale
         try:
             card = self._card(self.panel.task, variant.settings, scale.iterations)
-            teachers = tuple(self._teacher(name) for name in self.panel.of(variant))
-            if METHODS[variant.method].warm_start:
+            names: Sequence[str] = self.panel.of(variant)
+            if variant.auto:
+                by_hand = [*scale.settings, *variant.settings]
+                card = automatic(card, by_hand, "ppo", variant.method)
+                names = view_names.in_view(names, view_names.AUTO)
+            teachers = tuple(self._teacher(name) for name in names)
+            starts = METHODS[variant.method].apply(card.transfer).start == "teacher"
+            if starts and teachers[0].view != view_names.AUTO:  # which is settled when it begins
                 card = _as_warm_started(card, teachers[0])
         except RepaintError as error:
             where = f"experiment '{self.experiment.name}', '{variant.name}'"
             raise type(error)(f"{where}: {error}") from error
-        seeds = tuple(range(scale.seeds))
+        seeds = tuple(range(scale.first_seed, scale.first_seed + scale.seeds))
         return self._planned(card, variant.method, seeds, teachers)
 
     def _planned(

@@ -82,11 +82,15 @@ class Variant(Settings):
     """Of the card, as `section.key=value`; they outrank those of preset and scale."""
     teachers: tuple[str, ...] | None = None
     """In place of the panel's."""
+    auto: bool = False
+    """Whether what is measured decides how teachers are used, as `repaint transfer` has it."""
 
     @model_validator(mode="after")
     def _known(self) -> "Variant":
         if self.method not in METHODS:
             raise ValueError(f"expected a method ({', '.join(METHODS)}), found '{self.method}'")
+        if self.auto and self.method != "repaint":
+            raise ValueError(f"expected method 'repaint' to be automatic, found '{self.method}'")
         return self
 
 
@@ -125,7 +129,9 @@ class Scale(Settings):
     """How much is trained."""
 
     seeds: int = Field(gt=0, le=MOST_SEEDS)
-    """How many seeds of each variant, from 0."""
+    """How many seeds of each variant."""
+    first_seed: int = Field(0, ge=0)
+    """The first of them: 0 where results are judged; where numbers are chosen, others."""
     iterations: int = Field(gt=0)
     """Of training."""
     settings: tuple[str, ...] = ()

@@ -1,15 +1,18 @@
 """Train what of an experiment is not trained yet: teachers first, then the runs that need them."""
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from repaint_cli.activity import doing
 from repaint_cli.errors import RepaintError
 from repaint_cli.experiments.planned import PlannedExperiment, PlannedRun, PlannedTeacher
 from repaint_cli.runs.folder import RunFolder
+from repaint_cli.runs.plan import Plan
+from repaint_cli.runs.with_teachers import with_measured
 from repaint_cli.runs.workers import train_all
 from repaint_cli.zoo import store
 from repaint_cli.zoo.scoring import score
+from repaint_cli.zoo.view_names import AUTO, TeacherFile
 
 
 @dataclass(frozen=True)
@@ -45,7 +48,11 @@ def check(runs: Sequence[PlannedRun]) -> None:
     """
     for run in runs:
         if all(teacher.file.exists() for teacher in run.teachers):
-            run.plan.check()
+            plan = run.plan
+            files = (
+                TeacherFile(file, "" if view == AUTO else view) for file, view in plan.teachers
+            )
+            replace(plan, teachers=tuple(files)).check()
 
 
 def train(planned: PlannedExperiment, jobs: int, on_trained: OnTrained) -> None:
@@ -73,8 +80,13 @@ def train(planned: PlannedExperiment, jobs: int, on_trained: OnTrained) -> None:
 
 def _trained(runs: Sequence[PlannedRun], jobs: int) -> Iterator[PlannedRun]:
     by_folder = {run.folder: run for run in runs}
-    for folder in train_all([run.plan for run in runs], jobs):
+    for folder in train_all([_begun(run) for run in runs], jobs):
         yield by_folder[folder]
+
+
+def _begun(run: PlannedRun) -> Plan:
+    """Return a run's plan; a new one whose transfer is automatic has its teachers play."""
+    return run.plan if run.read() else with_measured(run.plan)
 
 
 def make_teacher(teacher: PlannedTeacher, scored: bool) -> None:

@@ -24,7 +24,7 @@ from repaint_cli.runs import evaluations
 from repaint_cli.runs.alarms import alarms_of, alarms_until, reference_of
 from repaint_cli.runs.checkpoint import restore, save_checkpoint, settle
 from repaint_cli.runs.folder import RunFolder
-from repaint_cli.runs.measuring import begin_course, inform_course
+from repaint_cli.runs.measuring import first_length, inform_course, measurements_of
 from repaint_cli.runs.metrics import Report, append_csv, start_csv
 from repaint_cli.runs.notices import notices_of
 from repaint_cli.runs.plan import Plan
@@ -35,7 +35,6 @@ from repaint_cli.runs.record_parts import Alarm
 from repaint_cli.runs.teachers import RunTeachers, warm_start
 from repaint_cli.tasks import trust
 from repaint_cli.tasks.card import TaskCard
-from repaint_cli.tasks.methods import METHODS
 from repaint_cli.zoo import store
 from repaint_cli.zoo.scoring import score
 
@@ -111,12 +110,13 @@ class Experiment:
         joint = card.transfer.joint
         learner = Learner.fresh(student, plan.seeds, card.ppo.learning_rate, joint=joint)
         learner.env_steps += sum(one.steps for one in plan.ranked)
-        if METHODS[plan.method].warm_start:
+        if card.transfer.start == "teacher":
             warm_start(student, teachers)
+            learner.episode_lengths += first_length(plan)
         reference = None
         if teachers.teachers:
             reference = reference_of(plan.folder, card, plan.algorithm)
-        course = course_of(card, teachers.teachers, len(plan.seeds))
+        course = course_of(card, teachers.teachers, len(plan.seeds), measurements_of(plan))
         record, notices = plan.new_record(teachers), notices_of(plan, teachers)
         return cls(plan, teachers, learner, course, record, reference, notices=notices)
 
@@ -146,7 +146,6 @@ class Experiment:
         self._settle()
         self._write_record("running")
         try:
-            begin_course(card, learner, self.course)
             for stats in TRAINERS[self.plan.algorithm](card, learner, self.course):
                 k = stats.iteration
                 with locate_divergence(learner.seeds, f"evaluation after iteration {k}"):

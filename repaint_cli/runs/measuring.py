@@ -1,50 +1,53 @@
-"""Evaluations that decide the course of a transfer: their episodes count as steps."""
+"""What an automatic transfer measures, before it begins and while it runs, and what it costs."""
 
 import numpy as np
 
 from repaint_cli.envs.episodes import Episodes
-from repaint_cli.errors import CardError, locate_divergence
-from repaint_cli.learn.evaluation import evaluate
+from repaint_cli.errors import CardError
 from repaint_cli.learn.learner import Learner
 from repaint_cli.learn.stats import IterationStats
 from repaint_cli.learn.transfer.course import Course
-from repaint_cli.policies.mirror import PolicyNetwork
-from repaint_cli.tasks.card import TaskCard
+from repaint_cli.learn.transfer.measurements import Measurements
+from repaint_cli.runs.plan import Plan
 
 
-def check_episodes(card: TaskCard) -> None:
-    """Check that an evaluation has episodes enough for a standard error.
+def measurements_of(plan: Plan) -> Measurements | None:
+    """Return what was measured before a run whose transfer is automatic, None of others.
 
     Raises:
-        CardError: the transfer is automatic, and an evaluation has one episode.
+        CardError: nothing was measured, as the run was begun by an earlier version.
     """
-    if card.automatic and card.eval.episodes < 2:
+    if not (plan.target.automatic and plan.teachers):
+        return None
+    taught = {which: one for one in plan.ranked for which in one.teachers}
+    if not taught:
         raise CardError(
-            "expected at least 2 episodes per evaluation where the transfer is automatic, found "
-            f"{card.eval.episodes}; try --eval-episodes 5"
+            "expected what teachers earn, which an automatic transfer measures before it begins, "
+            "found none; begin the run anew"
         )
+    *_, untrained = plan.ranked
+    start = 0 if plan.target.transfer.start == "teacher" else None
+    in_order = [np.array(taught[which].returns) for which in sorted(taught)]
+    each_seed = (len(plan.seeds), 1)
+    return Measurements(
+        np.tile(untrained.returns, each_seed),
+        [np.tile(returns, each_seed) for returns in in_order],
+        start=start,
+    )
 
 
-def begin_course(card: TaskCard, learner: Learner, course: Course) -> None:
-    """Let a course evaluate students and teachers before the first iteration, if it needs to.
+def first_length(plan: Plan) -> float:
+    """Return how long episodes are of students who start from a teacher, 0 where it did not play.
 
-    Raises:
-        DivergedError: an observation or a reward is not finite.
+    The first rollout has as many episodes as that allows, where `ppo.max_steps` is a limit.
     """
-
-    def evaluate_network(network: PolicyNetwork) -> np.ndarray:
-        episodes = evaluate(network, card, learner.seeds, card.eval.episodes)
-        learner.env_steps += episodes.lengths.sum(1)
-        return episodes.returns
-
-    with locate_divergence(learner.seeds, "evaluation before the first iteration"):
-        course.begin(learner.student, evaluate_network)
+    first = next((one for one in plan.ranked if 0 in one.teachers), None)
+    return first.steps / len(first.returns) if first and plan.task.ppo.max_steps else 0.0
 
 
 def inform_course(
     learner: Learner, course: Course, stats: IterationStats, evaluation: Episodes
 ) -> None:
-    """Give a course the evaluation after an iteration; count its episodes if it was used."""
-    used = course.after_evaluation(stats.iteration, stats.phase, stats.steps, evaluation.returns)
-    if used:
-        learner.env_steps += evaluation.lengths.sum(1)
+    """Give a course the evaluation after an iteration; count those episodes that it used."""
+    used = course.after_evaluation(stats.iteration, stats.steps, evaluation)
+    learner.env_steps += evaluation.lengths[:, :used].sum(1)

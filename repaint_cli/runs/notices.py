@@ -23,7 +23,7 @@ def notices_of(plan: Plan, teachers: RunTeachers) -> list[str]:
         given = {"normalize_rewards": numbers.normalize_rewards, "target_kl": numbers.target_kl}
         unused = ", ".join(f"ppo.{name}" for name, value in given.items() if value)
         notices += [f"{unused}: not of {plan.algorithm}, and without effect"] * bool(unused)
-    if not begun and METHODS[plan.method].needs_teacher:
+    if not begun and METHODS[plan.method].needs_teacher and not plan.ranked:
         notices += hints_of_views(teachers.cards, plan.teachers, teachers.target)
     return notices
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from repaint_cli.errors import NotFound, TeacherMismatch, UsageError
+from repaint_cli.errors import CardError, NotFound, TeacherMismatch, UsageError
 from repaint_cli.files.atomic import sha256
 from repaint_cli.files.commands import command
 from repaint_cli.files.provenance import versions
@@ -14,7 +14,6 @@ from repaint_cli.learn import q_learning
 from repaint_cli.learn.evaluation import spaces_of
 from repaint_cli.policies.spaces import Spaces
 from repaint_cli.runs.folder import RunFolder
-from repaint_cli.runs.measuring import check_episodes
 from repaint_cli.runs.record import RunRecord
 from repaint_cli.runs.record_parts import RankedRecord, TeacherRecord
 from repaint_cli.runs.teachers import RunTeachers, load_teachers
@@ -60,14 +59,15 @@ class Plan:
     @property
     def transfer(self) -> TransferConfig:
         """What the method leaves of the task's transfer settings."""
-        return METHODS[self.method].apply(self.task.transfer)
+        transfer = METHODS[self.method].apply(self.task.transfer)
+        if self.algorithm == "ppo":
+            return transfer
+        return transfer.model_copy(update={"phases": "ratio", "start": "untrained"})
 
     @property
     def target(self) -> TaskCard:
         """The task as the method and the algorithm carry it out."""
         transfer, select = self.transfer, self.task.select
-        if self.algorithm != "ppo":
-            transfer = transfer.model_copy(update={"phases": "ratio"})
         if select.rule == "auto" and (self.algorithm != "ppo" or not transfer.instance):
             select = select.model_copy(update={"rule": "zeta"})
         return self.task.model_copy(update={"transfer": transfer, "select": select})
@@ -89,7 +89,7 @@ class Plan:
         spaces = spaces_of(task)
         task.check_symmetry(spaces)
         task.check_rollout()
-        check_episodes(task)
+        check_automatic(task)
         by_q = self.algorithm == "q-learning"
         if by_q:
             q_learning.check_actions(task, spaces)
@@ -138,6 +138,19 @@ class Plan:
     def for_iterations(self, n: int) -> "Plan":
         """Return the plan with another number of iterations."""
         return replace(self, task=self.task.with_settings([f"ppo.n_iterations={n}"]))
+
+
+def check_automatic(task: TaskCard) -> None:
+    """Check that evaluations, by which an automatic transfer may go, have a standard error.
+
+    Raises:
+        CardError: an evaluation has one episode.
+    """
+    if task.automatic and task.eval.episodes < 2:
+        raise CardError(
+            "expected at least 2 episodes per evaluation where the transfer is automatic, found "
+            f"{task.eval.episodes}; try --eval-episodes 5, or --method repaint"
+        )
 
 
 def plan_of(record: RunRecord, task: TaskCard, folder: Path) -> Plan:

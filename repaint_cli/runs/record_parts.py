@@ -87,6 +87,10 @@ class RankedRecord(BaseModel):
     """Of its task's weights, as it is looked at, and the target's."""
     steps: NonNegativeInt
     """That it played."""
+    returns: tuple[float, ...] = ()
+    """Of its episodes."""
+    teachers: tuple[NonNegativeInt, ...] = ()
+    """Which of the run's teachers it became, from 0."""
 
 
 class Resumption(BaseModel):

@@ -4,22 +4,19 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from repaint_cli.errors import NotFound, StoreError, UsageError, some
+from repaint_cli.errors import StoreError, UsageError, some
 from repaint_cli.files.provenance import stamp
 from repaint_cli.policies.precision import resolved
 from repaint_cli.runs.folder import RUNS
-from repaint_cli.runs.measured_teachers import chosen
 from repaint_cli.runs.new_folder import check_absent
 from repaint_cli.runs.plan import Plan, plan_of
 from repaint_cli.runs.reader import read_run
-from repaint_cli.runs.record_parts import RankedRecord
+from repaint_cli.runs.with_teachers import with_teachers
 from repaint_cli.settings import MOST_SEEDS
 from repaint_cli.tasks.card import TaskCard
-from repaint_cli.tasks.methods import METHODS, method_for
+from repaint_cli.tasks.methods import method_for
 from repaint_cli.zoo import store, view_names
-from repaint_cli.zoo.teacher_card import check_name, read_card
-from repaint_cli.zoo.view_names import TeacherFile
-from repaint_cli.zoo.views import as_warm_started
+from repaint_cli.zoo.teacher_card import check_name
 
 
 def plan_teacher(
@@ -50,44 +47,23 @@ def plan_transfer(
     instances_from: Sequence[str],
     folder: str | Path | None,
     keep: int,
+    view: str | None = None,
 ) -> Plan:
     """Return the plan of a transfer; see `repaint_cli.transfer`."""
-    numbers = checked_seeds(seeds)
-    method, ranked = method_for(algorithm, method), tuple[RankedRecord, ...]()
+    method, numbers = method_for(algorithm, method), checked_seeds(seeds)
     if folder:
         check_absent(Path(folder))  # better now than after teachers have played
-    if METHODS[method].needs_teacher:
-        typed = teachers
-        teachers, ranked = chosen(card, typed, numbers[0])
-        taken = dict(zip(typed, teachers, strict=True))
-        instances_from = [taken.get(name, name) for name in instances_from]
-    files = find_teachers(teachers, method)
-    names = [algorithm] * (algorithm != "ppo") + [method, *(file.name for file in files)]
-    place = new_folder(folder, card.name, "-".join(names))
-    acting = find_acting(instances_from, files)
-    card = as_begun(card, method, files)
-    return Plan(
-        on_this_machine(card), method, numbers, place, files, acting, algorithm, keep=keep,
-        numbered=not folder, ranked=ranked,
-    )  # fmt: skip
+    names, acting = (view_names.in_view(n, view or "none") for n in (teachers, instances_from))
+    plan = Plan(card, method, numbers, Path(), algorithm=algorithm, keep=keep, numbered=not folder)
+    plan = with_teachers(plan, names, acting)
+    parts = [algorithm] * (algorithm != "ppo") + [method, *(file.name for file in plan.teachers)]
+    place = new_folder(folder, card.name, "-".join(parts))
+    return replace(plan, task=on_this_machine(plan.task), folder=place)
 
 
 def on_this_machine(card: TaskCard) -> TaskCard:
     """Return a card with what this machine decides; a run that is begun on it keeps that."""
     return card.model_copy(update={"net": resolved(card.net)})
-
-
-def as_begun(card: TaskCard, method: str, teachers: Sequence[TeacherFile]) -> TaskCard:
-    """Return a card with what the teacher decides that a student starts from.
-
-    Raises:
-        As `read_card` and `as_warm_started`.
-    """
-    if not METHODS[method].warm_start:
-        return card
-    path, view = teachers[0]
-    own = read_card(path)
-    return as_warm_started(card, store.to_type(path, own), own.task, view)
 
 
 def plan_resume(
@@ -168,40 +144,3 @@ def new_teacher_name(name: str, replace: bool) -> str:
             f"your zoo has a teacher '{name}' already; give another name, or --replace it"
         )
     return name
-
-
-def find_teachers(names: Sequence[str], method: str) -> tuple[TeacherFile, ...]:
-    """Return the teachers' files and views; none for a method without them.
-
-    Raises:
-        NotFound: there is no such teacher, or no teacher is named for a method that needs one.
-        UsageError: several teachers are named for a method that starts from one, or one for a
-            method without.
-    """
-    if not METHODS[method].needs_teacher:
-        if names:
-            raise UsageError(f"method '{method}' learns without a teacher: leave out {names[0]}")
-        return ()
-    if not names:
-        raise NotFound(f"method '{method}' needs a teacher: --teacher NAME (repaint zoo list)")
-    if METHODS[method].warm_start and len(names) > 1:
-        raise UsageError(f"expected one --teacher to warm-start from, found {len(names)}")
-    return tuple(view_names.find(name) for name in names)
-
-
-def find_acting(
-    names: Sequence[str], teachers: Sequence[TeacherFile]
-) -> tuple[TeacherFile, ...] | None:
-    """Return the files of those teachers whose own samples are used, or None for all of them.
-
-    Raises:
-        UsageError: a named teacher is not among the run's teachers.
-    """
-    if not names:
-        return None
-    acting = tuple(view_names.find(name) for name in names)
-    for name, file in zip(names, acting, strict=True):
-        if file not in teachers:
-            known = some([teacher.name for teacher in teachers])
-            raise UsageError(f"expected --instances-from one of {known}, found '{name}'")
-    return acting

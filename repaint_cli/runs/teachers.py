@@ -14,7 +14,6 @@ from repaint_cli.policies.networks import ActorCritic
 from repaint_cli.policies.spaces import Spaces
 from repaint_cli.runs.record_parts import TeacherRecord
 from repaint_cli.tasks.card import TaskCard
-from repaint_cli.tasks.similarity import cosine
 from repaint_cli.zoo import store
 from repaint_cli.zoo.teacher_card import TeacherCard, read_card
 from repaint_cli.zoo.view_names import TeacherFile
@@ -83,11 +82,11 @@ def load_teachers(
 
 
 def _teacher(card: TeacherCard, view: View, acts: bool, task: TaskCard) -> Teacher:
-    """Return what the student learns from; its weights and cosine are those of its view."""
+    """Return what the student learns from; its weights are those of its view."""
     own = card.task.in_mirror(view.symmetry)
     if own is None:
         return Teacher(view.policy, acts)
-    return Teacher(view.policy, acts, _weights(own, task), cosine(own, task))
+    return Teacher(view.policy, acts, _weights(own, task))
 
 
 def _record(file: TeacherFile, card: TeacherCard, acts: bool) -> TeacherRecord:

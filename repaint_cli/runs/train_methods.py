@@ -6,16 +6,10 @@ from pathlib import Path
 
 from repaint_cli.errors import UsageError
 from repaint_cli.runs.estimate import Estimate, estimate
-from repaint_cli.runs.measured_teachers import chosen
 from repaint_cli.runs.new_folder import make_new
 from repaint_cli.runs.plan import Plan
-from repaint_cli.runs.start import (
-    as_begun,
-    checked_seeds,
-    find_teachers,
-    new_folder,
-    on_this_machine,
-)
+from repaint_cli.runs.start import checked_seeds, new_folder, on_this_machine
+from repaint_cli.runs.with_teachers import choose, settled
 from repaint_cli.runs.workers import measure_aside, threads_of, train_all
 from repaint_cli.tasks.card import TaskCard
 from repaint_cli.tasks.methods import METHODS, method_for
@@ -84,21 +78,22 @@ def plan_methods(
         As `train_methods`.
     """
     check_methods(methods, jobs)
-    numbers, root, plans = checked_seeds(seeds), new_folder(None, card.name, "compare"), []
-    taught = [name for name in methods if METHODS[method_for("ppo", name)].needs_teacher]
+    numbers, root = checked_seeds(seeds), new_folder(None, card.name, "compare")
+    card = on_this_machine(card)
+    plans = [Plan(card, method_for("ppo", name), numbers, root / name) for name in methods]
+    taught = [plan for plan in plans if METHODS[plan.method].needs_teacher]
     if teachers and not taught:
         raise UsageError(
             f"expected methods that use a teacher, found {', '.join(methods)}; leave out "
             f"{', '.join(teachers)}"
         )
-    card = on_this_machine(card)
-    measured_teachers = chosen(card, teachers, numbers[0])
-    for name in methods:
-        files = find_teachers(measured_teachers.teachers if name in taught else (), name)
-        ranked = measured_teachers.ranked if name in taught else ()
-        own = as_begun(card, name, files)
-        plans.append(Plan(own, name, numbers, root / name, files, ranked=ranked))
-        plans[-1].check()  # better now than after the first method's hours
+    if taught:  # by methods that share what their teachers play
+        opens = [plan for plan in taught if plan.target.transfer.start != "untrained"]
+        opens += [plan for plan in taught if plan.target.automatic]
+        choice = choose([*opens, *taught][0], teachers)
+        plans = [settled(plan, choice) if plan in taught else plan for plan in plans]
+    for plan in plans:
+        plan.check()  # better now than after the first method's hours
     return plans
 
 

@@ -32,6 +32,8 @@ class Method:
     def apply(self, transfer: "TransferConfig") -> "TransferConfig":
         """Switch off what this method leaves out; what remains is all the trainer sees."""
         off: dict[str, float | bool | str] = {"joint": self.joint}
+        if self.warm_start or not self.needs_teacher:
+            off["start"] = "teacher" if self.warm_start else "untrained"
         if not self.kickstart:
             off |= {"kickstart_coef": 0.0, "kickstart_schedule": "geometric", "distill_epochs": 0}
         if not self.instance:

@@ -18,14 +18,26 @@ PRESETS: dict[str, Callable[["TaskCard"], dict[str, Any]]] = {
 """`paper`: the numbers and choices of the paper's text. `coach`: the same, and where the text is
 silent or its framework did otherwise, what RL Coach did, to approach the paper's own baseline."""
 
+ENDLESS = 1_000_000
+"""K of a transfer whose end is measured."""
+
 AUTOMATIC = {
+    "transfer.start=auto": (
+        "transfer.start",
+        "transfer.kickstart_coef",
+        "transfer.representation",
+        "transfer.instance",
+        "select.rule",
+        "select.threshold",
+    ),
+    "transfer.distill_epochs=40": ("transfer.distill_epochs",),
     "transfer.phases=auto": ("transfer.phases", "transfer.representation", "transfer.instance"),
     "transfer.kickstart_schedule=auto": ("transfer.kickstart_schedule", "transfer.kickstart_coef"),
     "select.rule=auto": ("select.rule", "select.threshold"),
-    "transfer.iterations=1000000": ("transfer.iterations",),  # the end is found long before
+    f"transfer.iterations={ENDLESS}": ("transfer.iterations",),
 }
-"""Settings with which the ratio, β, ζ and the end of the transfer are measured; a setting of those
-behind them decides it by hand."""
+"""Settings with which start, ratio, β, ζ and the end of the transfer are measured, and teachers are
+distilled; one of those behind them decides it by hand."""
 
 
 def with_preset(card: "TaskCard", name: str | None) -> "TaskCard":
@@ -42,8 +54,23 @@ def with_preset(card: "TaskCard", name: str | None) -> "TaskCard":
     return card.with_settings([f"{key}={toml_value(value)}" for key, value in numbers.items()])
 
 
-def automatic_settings(settings: Sequence[str], algorithm: str, method: str | None) -> list[str]:
-    """Return settings after those of `AUTOMATIC` that they leave to be measured.
+def says_how(settings: Sequence[str]) -> bool:
+    """Return whether settings, as `section.key=value`, say how a teacher is to be used."""
+    return any(
+        setting.startswith(("transfer.", "select.", "ppo.objective")) for setting in settings
+    )
+
+
+def automatic(
+    card: "TaskCard", settings: Sequence[str], algorithm: str, method: str | None
+) -> "TaskCard":
+    """Return a card with those settings of `AUTOMATIC` that are left to be measured.
+
+    Args:
+        card: the target task's, with its settings.
+        settings: those that were made by hand, as `section.key=value`.
+        algorithm: its name.
+        method: its name, the algorithm's default where absent.
 
     Raises:
         NotFound: there is no such algorithm or method.
@@ -53,5 +80,8 @@ def automatic_settings(settings: Sequence[str], algorithm: str, method: str | No
     if not (METHODS[name].kickstart and METHODS[name].alternates):
         raise UsageError(f"expected method 'repaint' to be automatic, found '{name}'")
     by_hand = {setting.partition("=")[0] for setting in settings}
-    automatic = [text for text, deciding in AUTOMATIC.items() if not by_hand.intersection(deciding)]
-    return [*automatic, *settings]
+    if card.net.shared:  # where no policy moves alone
+        by_hand.add("transfer.distill_epochs")
+    return card.with_settings(
+        [text for text, deciding in AUTOMATIC.items() if not by_hand.intersection(deciding)]
+    )

@@ -27,5 +27,6 @@ class Recipe(Settings):
     def automatic(self) -> bool:
         """Whether something of the transfer is decided by what is measured."""
         return "auto" in (
-            self.transfer.kickstart_schedule, self.transfer.phases, self.select.rule
+            self.transfer.kickstart_schedule, self.transfer.phases, self.transfer.start,
+            self.select.rule,
         )  # fmt: skip

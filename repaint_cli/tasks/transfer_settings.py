@@ -17,7 +17,8 @@ class TransferConfig(Settings):
     instance: int = Field(1, ge=0)
     """I of the ratio R:I, off-policy instance-transfer iterations in a row; 0 is kickstarting."""
     phases: Literal["ratio", "auto"] = "ratio"
-    """Whether R and I say what comes next, or what the last rounds gained per step."""
+    """Whether R and I say what comes next, or, with auto, an instance iteration after each own one
+    while a teacher leads and samples of it were kept."""
     joint: bool = False
     """Whether both gradients meet in one update (algorithm 1); `--method repaint-joint` says so."""
     kickstart_coef: NonNegativeFloat | tuple[NonNegativeFloat, ...] = 0.2
@@ -38,8 +39,11 @@ class TransferConfig(Settings):
     """α₂, the same for L_ins; in a joint update each loss has Adam's moments of its own."""
     alpha_power: float = Field(0.0, ge=0, le=1)
     """a of the power law k^−a that both α are multiplied by (paper, section 5.1)."""
+    start: Literal["untrained", "teacher", "auto"] = "untrained"
+    """What students start from: new weights, or the first teacher's (`--method warm-start` says
+    so); auto: the teacher's where it has equal networks and earns more than untrained policies."""
     warm_start: Literal["policy", "policy+value"] = "policy+value"
-    """What `--method warm-start` takes from the teacher; the normaliser belongs to both."""
+    """What a start from the teacher takes of it; the normaliser belongs to both."""
     warm_start_log_std: float | None = None
     """log σ to begin a warm start with, in place of the teacher's; continuous actions."""
     distill_epochs: int = Field(0, ge=0)

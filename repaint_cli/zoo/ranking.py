@@ -5,58 +5,29 @@ The paper compares tasks by the weights of their rewards, and leaves open how to
 reward by its most likely actions, and so do untrained policies. **E** episodes, **F** untrained.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from scipy.stats import sem
 
 from repaint_cli.errors import CheckpointError, NotFound
-from repaint_cli.learn.evaluation import play, spaces_of
-from repaint_cli.learn.learner import Learner
-from repaint_cli.learn.rollout.gae import to_samples
-from repaint_cli.learn.rollout.storage import Rollout
-from repaint_cli.learn.seeding import Purpose
-from repaint_cli.policies.networks import ActorCritic
+from repaint_cli.learn.evaluation import spaces_of
 from repaint_cli.policies.spaces import Spaces
 from repaint_cli.report.pairs import welch
 from repaint_cli.tasks.card import TaskCard
-from repaint_cli.tasks.similarity import cosine
 from repaint_cli.zoo import store
+from repaint_cli.zoo.played import Played, Player
 from repaint_cli.zoo.teacher_card import TeacherCard, read_card
-from repaint_cli.zoo.view_names import BOTH, TeacherFile, with_view
-from repaint_cli.zoo.views import view_of
+from repaint_cli.zoo.view_names import AUTO, BOTH, TeacherFile
 
 N_EPISODES = 20
 """Episodes of each view."""
 
-N_UNTRAINED = 5
-"""Untrained policies that share the episodes of one view, where each has two or more."""
-
-
-@dataclass(frozen=True)
-class Played:
-    """What a policy did in a task."""
-
-    name: str
-    """As it is typed."""
-    returns: np.ndarray
-    """(E,)."""
-    lengths: np.ndarray
-    """Steps, (E,)."""
-    progress: np.ndarray | None
-    """Of a lap, %, (E,), in a race."""
-    reverse: np.ndarray
-    """Which episodes went the other way round, (E,) bool."""
-    better: float
-    """Share of its steps that a fresh critic calls better than an untrained policy's, in pairs."""
-    file: TeacherFile | None = None
-    """A teacher's file, and its view."""
-    cosine: float | None = None
-    """Of its task's weights, as seen, and the target's; None where there is none."""
-    same_networks: bool = False
-    """Whether a student can start from its weights."""
+FEWEST = 2
+"""Episodes of each view that are played whatever they cost: a standard error needs two."""
 
 
 @dataclass(frozen=True)
@@ -88,13 +59,22 @@ class Ranking:
         return f"{gap:+.4g} [{low:+.4g}, {high:+.4g}] against an untrained policy"
 
 
+def ahead(one: Played, other: Played) -> bool:
+    """Return whether one earns more than another by more than both standard errors together."""
+    gap = one.returns.mean() - other.returns.mean()
+    return bool(gap > np.hypot(sem(one.returns), sem(other.returns)))
+
+
 OnPlayed = Callable[[Played], object]
 """Is called with each policy that has played."""
+
+Affordable = Callable[[float], float]
+"""Says how many steps may be played, by the mean length of the best teacher's episodes."""
 
 
 def rank(
     task: TaskCard, seed: int, n_episodes: int = N_EPISODES, on_played: OnPlayed | None = None,
-    among: Sequence[Path] | None = None,
+    among: Sequence[TeacherFile] | None = None, affordable: Affordable | None = None,
 ) -> Ranking:  # fmt: skip
     """Let all teachers that fit a task play it, in every view.
 
@@ -103,7 +83,8 @@ def rank(
         seed: of the episodes, and of the untrained policies.
         n_episodes: E.
         on_played: see `OnPlayed`.
-        among: the files of those that play; all that fit where absent.
+        among: those that play, as they are looked at; all that fit, in every view, where absent.
+        affordable: see `Affordable`; after 2 episodes of each those that may be the best go on.
 
     Raises:
         NotFound: no teacher fits.
@@ -111,23 +92,53 @@ def rank(
     """
     spaces = spaces_of(task)
     task.check_symmetry(spaces)
-    if among is not None:
-        store.check_fits([read_card(path) for path in among], task, spaces)
-    paths = store.teachers().values() if among is None else among
-    fitting = list(candidates(task, spaces, paths))
+    if among is None:
+        fitting = list(candidates(task, spaces, store.teachers().values()))
+    else:
+        fitting = [(file, read_card(file.path)) for file in among]
+        store.check_fits([*{file.path: card for file, card in fitting}.values()], task, spaces)
     if not fitting:
         raise NotFound(
             f"no teacher in the zoo fits task '{task.name}' ({spaces}); train one: "
             "repaint train-teacher --task TASK"
         )
-    player, played = _Player.of(task, spaces, seed, n_episodes), []
+    player, played = Player.of(task, spaces, seed, n_episodes), []
+    first = n_episodes if affordable is None else min(FEWEST, n_episodes)
     for file, card in fitting:
-        one = player.play_teacher(file, card)
+        one = player.play_teacher(file, card, first)
         played.append(one)
         if on_played:
             on_played(one)
-    played.sort(key=lambda one: -one.returns.mean())
+    if affordable:
+        spent = sum(one.lengths.sum() for one in (*played, player.untrained))
+        played = _played_on(player, played, dict(fitting), n_episodes - first, affordable, spent)
+    played.sort(key=lambda one: (-len(one.returns), -one.returns.mean()))  # who played on is better
     return Ranking(task, player.untrained, tuple(played))
+
+
+def _played_on(
+    player: Player, played: Sequence[Played], cards: Mapping[TeacherFile, TeacherCard],
+    most: int, affordable: Affordable, spent: float,
+) -> list[Played]:  # fmt: skip
+    """Return what teachers did, with up to `most` more episodes of those that may be the best.
+
+    Others earn less than the best by more than both standard errors.
+    """
+    best = max(played, key=lambda one: one.returns.mean())
+    least = best.returns.mean() - sem(best.returns)
+    standing = [one for one in played if one.returns.mean() + sem(one.returns) >= least]
+    each = sum(one.lengths.mean() for one in standing)
+    more = min(most, int((affordable(best.lengths.mean()) - spent) / each))
+    if player.task.eval.both_directions:
+        more -= more % 2  # as many each way round
+    if more < 1:
+        return list(played)
+    return [
+        one.joined(player.play_teacher(one.file, cards[one.file], more, 1))
+        if one in standing and one.file
+        else one
+        for one in played
+    ]
 
 
 def candidates(
@@ -142,6 +153,14 @@ def candidates(
                     yield TeacherFile(path, view), card
 
 
+def views_of(file: TeacherFile, task: TaskCard) -> list[TeacherFile]:
+    """Return a teacher in each view that may differ where its view is `AUTO`, else as it is."""
+    if file.view != AUTO:
+        return [file]
+    card = read_card(file.path)
+    return [TeacherFile(file.path, view) for view in views_worth_playing(card, task)]
+
+
 def views_worth_playing(teacher: TeacherCard, task: TaskCard) -> list[str]:
     """Return the views of a teacher that may differ from it in weights or in what they earn."""
     views = [""]
@@ -152,67 +171,3 @@ def views_worth_playing(teacher: TeacherCard, task: TaskCard) -> list[str]:
         if stays and BOTH not in views:
             views.append(BOTH)
     return views
-
-
-@dataclass(frozen=True)
-class _Player:
-    """Plays policies, and compares their steps with those of untrained ones by one fresh critic."""
-
-    task: TaskCard
-    seed: int
-    n_episodes: int
-    critic: ActorCritic
-    untrained: Played
-    advantages: np.ndarray
-    """Of the untrained policies' steps, sorted."""
-
-    @classmethod
-    def of(cls, task: TaskCard, spaces: Spaces, seed: int, n_episodes: int) -> "_Player":
-        seeds = [seed + i for i in range(max(1, min(N_UNTRAINED, n_episodes // 2)))]
-        fresh = Learner.fresh(ActorCritic(spaces, task.net, len(seeds)), seeds, 1.0).student
-        each = -(-n_episodes // len(seeds))
-        rollout, episodes = play(fresh, task, seeds, each, purpose=Purpose.SCORE)
-        fresh.storage.copy_(fresh.storage[:1].clone())  # one critic judges all
-        critic = fresh.alone(0)
-        samples = to_samples(rollout, fresh.value, task.ppo)
-        advantages = np.sort(np.concatenate([
-            own[:n].numpy()
-            for own, n in zip(samples.advantages, samples.counts.tolist(), strict=True)
-        ]))  # fmt: skip
-        progress = None if episodes.progress is None else episodes.progress.ravel()
-        reverse = np.tile(_reverse(task, each), len(seeds))
-        untrained = Played(
-            "untrained", episodes.returns.ravel(), episodes.lengths.ravel(), progress, reverse, 0.5
-        )
-        return cls(task, seed, n_episodes, critic, untrained, advantages)
-
-    def play_teacher(self, file: TeacherFile, card: TeacherCard) -> Played:
-        """Let a teacher play, as it is looked at."""
-        network, _ = store.read_teacher(file.path)
-        view = view_of(network, card, file, self.task)
-        rollout, episodes = play(
-            view.policy, self.task, [self.seed], self.n_episodes, purpose=Purpose.SCORE
-        )
-        own = card.task.in_mirror(view.symmetry)
-        return Played(
-            with_view(store.to_type(file.path, card), file.view),
-            episodes.returns[0], episodes.lengths[0],
-            None if episodes.progress is None else episodes.progress[0],
-            _reverse(self.task, self.n_episodes), self._better(rollout), file,
-            None if own is None else cosine(own, self.task),
-            same_networks=file.view != BOTH and card.task.net.alike(self.task.net),
-        )  # fmt: skip
-
-    def _better(self, rollout: Rollout) -> float:
-        """Return P(Â′ > Â) of a step of a rollout and one of the untrained policies'."""
-        samples = to_samples(rollout, self.critic.value, self.task.ppo)
-        own = samples.advantages[0, : int(samples.counts[0])].numpy()
-        below = np.searchsorted(self.advantages, own, side="left")
-        equal = np.searchsorted(self.advantages, own, side="right") - below
-        return float((below + 0.5 * equal).mean() / len(self.advantages))
-
-
-def _reverse(task: TaskCard, n_episodes: int) -> np.ndarray:
-    """Return which of an evaluation's episodes go the other way round, (E,) bool."""
-    options = task.start_options(1, n_episodes, None) or {}
-    return np.array(options.get("reverse", [False] * n_episodes), bool)

@@ -19,6 +19,7 @@ from repaint_cli.files import atomic
 from repaint_cli.files.provenance import versions
 from repaint_cli.runs.owner import new_run, resumed_run
 from repaint_cli.runs.plan import Plan
+from repaint_cli.runs.with_teachers import with_measured
 from repaint_cli.tasks.card_files import read_task
 from repaint_cli.zoo import store
 from repaint_cli.zoo.teacher_card import TeacherCard
@@ -56,7 +57,7 @@ def plan(kind, folder, n_iterations=12):
     task = read_task(name) if kind == "racer" else getattr(small_tasks, name)()
     task = task.with_settings([*settings, f"ppo.n_iterations={n_iterations}", "eval.episodes=3"])
     teachers = () if method == "scratch" else (TeacherFile(add_teacher(task, folder.parent)),)
-    return Plan(task, method, [3, 5], folder, teachers, None, algorithm)
+    return with_measured(Plan(task, method, [3, 5], folder, teachers, None, algorithm))
 
 
 def add_teacher(task, folder):

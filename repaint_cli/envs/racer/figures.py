@@ -79,14 +79,15 @@ def film(env: RacerSimulator, episodes: Episodes, path: Path, title: str, n_epis
             track.inner,
             track.outer,
             track.centre,
-            _filmed(episodes, e),
+            filmed(episodes, e),
             f"{title} · episode {e + 1}",
         )
     )
     write_video(frames, path, fps=15)
 
 
-def _filmed(episodes: Episodes, e: int) -> FilmedEpisode:
+def filmed(episodes: Episodes, e: int) -> FilmedEpisode:
+    """Return an episode of the first seed as it is filmed; its observations were kept."""
     assert episodes.observations is not None
     observed = episodes.observations[0][e]
     images, ranges = observed, None

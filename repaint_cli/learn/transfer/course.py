@@ -8,6 +8,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from repaint_cli.envs.episodes import Episodes
 from repaint_cli.learn.rollout.gae import Samples
 from repaint_cli.learn.rollout.storage import Rollout
 from repaint_cli.learn.rollout.transitions import Transitions, transitions
@@ -25,12 +26,7 @@ from repaint_cli.learn.transfer.selection import (
 )
 from repaint_cli.learn.transfer.teachers import ActingTeacher, Teacher
 from repaint_cli.learn.update.objectives import masked_mean
-from repaint_cli.policies.mirror import PolicyNetwork
-from repaint_cli.policies.networks import ActorCritic
 from repaint_cli.tasks.card import TaskCard
-
-Evaluate = Callable[[PolicyNetwork], np.ndarray]
-"""Evaluates a network in the target task; returns its returns, (S, E)."""
 
 
 @dataclass(frozen=True)
@@ -143,9 +139,6 @@ class Course(ABC):
         selection = select(scaled, config, threshold, rngs, relevance)
         return selection, on_loss_scale(samples, scaled, config.loss_scale, own)
 
-    def begin(self, student: ActorCritic, evaluate: Evaluate) -> None:  # noqa: B027
-        """Do what is needed before the first iteration."""
-
     def start(self, k: int) -> Iteration:
         """Decide iteration k."""
         phase, betas = self.phase(k), torch.zeros(len(self.teachers), self.n_seeds).double()
@@ -206,19 +199,18 @@ class Course(ABC):
         """Note what the iteration that has ended did."""
         self.after_instance = phase == "instance"
 
-    def after_evaluation(self, k: int, phase: Phase, steps: float, returns: np.ndarray) -> bool:
+    def after_evaluation(self, k: int, steps: float, evaluation: Episodes) -> int:
         """Use the evaluation after iteration k, if the course depends on it.
 
         Args:
             k: the iteration.
-            phase: what it did.
             steps: its environment steps of a seed, on average.
-            returns: evaluated returns of the students, (S, E).
+            evaluation: the students' episodes.
 
         Returns:
-            Whether it was used; its episodes then count as steps.
+            How many episodes of each seed were used, which count as steps.
         """
-        return False
+        return 0
 
     def state(self) -> dict[str, Tensor]:
         """Return what a checkpoint needs to go on, as tensors."""

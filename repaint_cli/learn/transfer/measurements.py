@@ -1,24 +1,26 @@
-"""Transfer without a number from the user: β, ζ, the next phase and the end, as measured.
+"""Transfer without a number from the user: β, what is kept, next phase and end, as measured.
 
-The paper leaves this open (its section 7); the rule here is ours. J_T and J_S are mean returns in
-the target task, of a teacher before the first iteration and of the student over its last two
-evaluations, both by their most likely actions; e are their standard errors over episodes; Â′ and Â
-are advantages of the teachers' and the student's last samples under the same critic; M counts
-teachers:
+The paper leaves this open (its section 7); the rule here is ours. J_T is a teacher's mean return in
+the target task before the first iteration, by its most likely actions, and J_0 that of untrained
+policies. J_S is the student's: numbered actions are drawn as it draws them, in its last rollout;
+of continuous ones the most likely are taken, in its last two evaluations, as the noise in them
+would hide what it has learned. e are standard errors over episodes. Â′ and Â are advantages of the
+teachers' and the student's last samples under the same critic; M counts teachers:
 
     lead     L_k = J_T − J_S − √(e_T² + e_S²)
-    β_k        = max(0, L_k) / (J_T − J_0) / M, at most 1/M; 0 where J_T ≤ J_0 or cos(w_T, w) ≤ 0
+    β_k        = max(0, L_k) / (J_T − J_0) / M, at most 1/M; 0 where J_T − J_0 ≤ √(e_T² + e_0²),
+                 and of the teacher that the student began as
     kept       = the highest max(0, 2·P(Â′ > Â) − 1) of the samples of teachers with β_k > 0: ζ is
                  that quantile
     phase      = instance, after an iteration of the student's own, while some β_k > 0, until one
-                 kept nothing or instance iterations have clearly gained less per step than own ones
-    end        = for good, once every β was 0 two own iterations in a row
+                 kept nothing
+    end        = for good, once every β was 0 two own iterations in a row, or evaluating the
+                 students has cost what it may
 
-J_0 is the return of the student before it has learned anything, so β is the share of a teacher's
-lead over a random policy that is left and more than chance, whatever the signs of the returns. A
-teacher no better than the student teaches nothing, and what is left is PPO. Each part may be
-automatic alone, with the end; of other rules the phase goes by what this one would keep. Seeds that
-train side by side share the phase and the end, not β and ζ.
+So β is the share of a teacher's lead over a random policy that is left and more than chance,
+whatever the signs of the returns. A teacher no better than the student teaches nothing, and what is
+left is PPO. Each part may be automatic alone, with the end. Seeds that train side by side share the
+phase and the end, not β and ζ.
 """
 
 from collections.abc import Mapping, Sequence
@@ -41,28 +43,48 @@ PATIENCE = 2
 class Measurements:
     """How S students and M teachers did in the target task."""
 
-    def __init__(self, own: np.ndarray, taught: Sequence[np.ndarray]) -> None:
-        """Begin with evaluated returns (S, E) of the students and of each teacher."""
-        self.own = self.random = self.before = mean_and_error(own)
+    def __init__(
+        self, untrained: np.ndarray, taught: Sequence[np.ndarray], *, start: int | None = None
+    ) -> None:
+        """Begin with returns before the first iteration.
+
+        Args:
+            untrained: of policies that know nothing, (S, E).
+            taught: of each teacher, (S, E).
+            start: which teacher's policy the students begin with; None of an untrained one.
+        """
+        self.random = mean_and_error(untrained)
         self.taught = np.stack([mean_and_error(returns) for returns in taught], 1)  # (2, M, S)
-        self.quantiles = np.zeros((N_QUANTILES, len(own)))
+        self.start = start
+        """Which teacher the students began as: it has no β."""
+        self.student = self.evaluated = self.random if start is None else self.taught[:, start]
+        self.quantiles = np.zeros((N_QUANTILES, len(untrained)))
         """Of Â in each student's last batch, (N_QUANTILES, S)."""
-        self.leading: np.ndarray = np.ones((len(taught), len(own)), bool)
+        self.leading: np.ndarray = np.ones((len(taught), len(untrained)), bool)
         """Whether a teacher was ahead of a student in the last own iteration, (M, S)."""
         self.share: np.ndarray | None = None
         """What was kept of the last teachers' samples, (S,)."""
-        self.gains: dict[bool, list[float]] = {False: [], True: []}
-        """Gains per step of the students' own iterations, and of instance iterations."""
         self.idle = 0
         """Own iterations in a row without any β."""
+        self.steps = 0.0
+        """Environment steps of a seed, on average, that evaluating the students has cost."""
 
-    def add_evaluation(self, returns: np.ndarray, steps: float, phase: str) -> None:
-        """Add evaluated returns (S, E) of the students after an iteration of so many steps each."""
-        evaluated = mean_and_error(returns)
-        if phase != "critic":  # which does not move a policy
-            gain = float((evaluated[0] - self.own[0]).mean()) / steps
-            self.gains[phase == "instance"].append(gain)
-        self.before, self.own = self.own, evaluated
+    def add_evaluation(self, returns: np.ndarray, steps: float) -> None:
+        """Add evaluated returns (S, E) of the students, which cost so many steps of a seed."""
+        (before, error_before), (now, error) = self.evaluated, mean_and_error(returns)
+        self.student = np.stack([(before + now) / 2, np.hypot(error_before, error) / 2])
+        self.evaluated = np.stack([now, error])
+        self.steps += steps
+
+    def add_rollout(self, seeds: np.ndarray, returns: np.ndarray) -> None:
+        """Add the returns of a rollout's episodes, (episodes,), and whose they are.
+
+        A student without two of them stays as good as it was.
+        """
+        self.student = self.student.copy()
+        for s in range(self.student.shape[1]):
+            if (seeds == s).sum() > 1:
+                self.student[:, s] = mean_and_error(returns[None, seeds == s])[:, 0]
 
     def add_advantages(self, samples: Samples) -> None:
         """Add the students' advantages, as the critic estimates them after its fit."""
@@ -70,17 +92,16 @@ class Measurements:
         levels = np.linspace(0, 1, N_QUANTILES)
         self.quantiles = np.stack([np.quantile(own[:n].numpy(), levels) for own, n in per_seed], 1)
 
-    def betas(self, cosines: Sequence[float | None]) -> np.ndarray:
+    def betas(self) -> np.ndarray:
         """Return β_k of each teacher and student, (M, S); several teachers share 1."""
-        teachers, teachers_error = self.taught
-        own = (self.own[0] + self.before[0]) / 2
-        own_error = np.hypot(self.own[1], self.before[1]) / 2
+        (teachers, teachers_error), (own, own_error) = self.taught, self.student
         whole = teachers - self.random[0]  # the lead over an untrained policy
-        lead = teachers - own - np.sqrt(teachers_error**2 + own_error**2)
+        lead = teachers - own - np.hypot(teachers_error, own_error)
+        leads = whole > np.hypot(teachers_error, self.random[1])
+        if self.start is not None:
+            leads[self.start] = False
         with np.errstate(invalid="ignore", divide="ignore"):
-            shares = np.where(whole > 0, np.clip(lead / whole, 0, 1), 0.0)
-        opposed = [cosine is not None and cosine <= 0 for cosine in cosines]
-        shares[opposed] = 0
+            shares = np.where(leads, np.clip(lead / whole, 0, 1), 0.0)
         betas: np.ndarray = np.nan_to_num(shares) / len(teachers)
         return betas
 
@@ -89,9 +110,13 @@ class Measurements:
         self.leading = betas > 0
         self.idle = 0 if betas.any() else self.idle + 1
 
+    def end(self) -> None:
+        """End the transfer."""
+        self.idle = PATIENCE
+
     @property
     def ended(self) -> bool:
-        """Whether the transfer is over."""
+        """Whether no β has been above 0 for some own iterations, or it was ended."""
         return self.idle >= PATIENCE
 
     def shares(self, samples: Samples) -> Tensor:
@@ -112,21 +137,14 @@ class Measurements:
 
         Seeds that train side by side share the answer.
         """
-        if not self.leading.any() or (self.share is not None and not self.share.any()):
-            return False
-        (own, own_error), (taught, error) = (
-            mean_and_error(np.array([gains])).T[0] for gains in self.gains.values()
-        )
-        return not taught + error < own - own_error
+        return bool(self.leading.any() and (self.share is None or self.share.any()))
 
     def state(self) -> dict[str, Tensor]:
         """Return all of it as tensors, for a checkpoint."""
-        arrays = {
-            "own": self.own, "before": self.before, "random": self.random, "taught": self.taught,
-            "quantiles": self.quantiles, "idle": np.array([self.idle]), "leading": self.leading,
-            "share": np.zeros(0) if self.share is None else self.share,
-            "own_gains": np.array(self.gains[False]), "gains": np.array(self.gains[True]),
-        }  # fmt: skip
+        arrays = {name: getattr(self, name) for name in _ARRAYS}
+        arrays |= {"idle": np.array(self.idle), "steps": np.array(self.steps)}
+        arrays["start"] = np.array(-1 if self.start is None else self.start)
+        arrays["share"] = np.zeros(0) if self.share is None else self.share
         return {name: tensor(array) for name, array in arrays.items()}
 
     @classmethod
@@ -138,14 +156,16 @@ class Measurements:
         """
         arrays = {name: value.numpy() for name, value in state.items()}
         measurements = cls.__new__(cls)
-        for name in ("own", "before", "random", "taught", "quantiles", "leading"):
+        for name in _ARRAYS:
             setattr(measurements, name, arrays[name])
-        measurements.idle = int(arrays["idle"][0])
+        measurements.idle, measurements.steps = int(arrays["idle"]), float(arrays["steps"])
         measurements.share = arrays["share"] if len(arrays["share"]) else None
-        measurements.gains = {
-            False: arrays["own_gains"].tolist(), True: arrays["gains"].tolist()
-        }  # fmt: skip
+        start = int(arrays["start"])
+        measurements.start = None if start < 0 else start
         return measurements
+
+
+_ARRAYS = ("random", "taught", "student", "evaluated", "quantiles", "leading")
 
 
 def mean_and_error(rows: np.ndarray) -> np.ndarray:

@@ -24,8 +24,6 @@ class Teacher:
     """Whether its own samples are learned from in instance iterations."""
     weights: np.ndarray | None = None
     """w of its own task in the order of the target's terms, (F,); None where that is not known."""
-    cosine: float | None = None
-    """Of its task's weights and the target's; None where one is not known."""
 
 
 class ActingTeacher(NamedTuple):
