@@ -61,7 +61,9 @@ def test_the_three_commands_run_as_typed_twice_in_a_row(repaint, small_races):
         assert note in said.out
         said = repaint("eval", "--render-offscreen")
         assert said.code == 0, said.err
-        assert said.out.startswith("racer-outer · repaint auto from racer-inner")
+        first, *_ = said.out.splitlines()
+        label = r"racer-outer · repaint auto from racer-inner(:mirrored)? · iteration 2"
+        assert re.fullmatch(label, first)
         assert "video.mp4" in said.out
     assert len(list((small_races / "runs" / "racer-inner").iterdir())) == 2
 

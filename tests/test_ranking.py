@@ -56,9 +56,9 @@ def test_only_views_that_may_differ_are_played(teacher, task, views, tmp_path):
 
 
 def test_who_earns_more_is_first_and_what_they_earn_is_an_evaluation():
-    task, heard = read_task("reacher"), []
-    ranking = rank(task, 3, 20, heard.append)
-    assert {one.name for one in heard} == {
+    task = read_task("reacher")
+    ranking = rank(task, 3, 20)
+    assert {one.name for one in ranking.teachers} == {
         name + view
         for name in ("reacher", "reacher-gentle", "reacher-away")
         for view in ("", ":both")

@@ -42,55 +42,72 @@ def similarity(
         repaint similarity racer-inner racer-outer
         repaint similarity racer-inner racer-outer --measure
     """
-    import json
-
     import repaint_cli
-    from repaint_cli.cli.console import plain
     from repaint_cli.cli.namesakes import print_notes
-    from repaint_cli.cli.zoo_rank import print_ranking, ranking_as_json
-    from repaint_cli.errors import UsageError
+    from repaint_cli.cli.zoo_rank import print_ranking
     from repaint_cli.files.paths import shipped_tasks
 
     def print_fit(name: str, fit: "Fit") -> None:
         if not as_json:
             print(f"{name} weighs {fit}")
 
-    if measure and len(names or ()) != 2:
-        raise UsageError(
-            f"--measure needs a teacher and a task, found {len(names or ())} names; to measure all "
-            "teachers: repaint zoo rank --task TASK"
-        )
-    print_notes(*(name for name in names or () if name not in shipped_tasks()))
-    similarities = repaint_cli.similarity(*(names or ()), on_fit=print_fit)
-    ranking = _measured(*(names or ())) if measure else None
-    pairs = [pair._asdict() for pair in similarities.pairs]
+    typed = names or []
+    print_notes(*(name for name in typed if name not in shipped_tasks()))
+    similarities = repaint_cli.similarity(*typed, on_fit=print_fit)
+    ranking = _measured(*typed) if measure else None
     if as_json:
-        if ranking:
-            pairs[0]["measured"] = ranking_as_json(ranking)
-        return print(json.dumps(pairs[:1] if len(similarities.tasks) == 2 else pairs, indent=2))
+        return _print_json(similarities, ranking)
     if len(similarities.tasks) > 2:
         return _print_matrix(similarities)
-    pair = similarities.pairs[0]
+    _print_pair(similarities.pairs[0])
+    if ranking:
+        print()
+        print_ranking(ranking, typed[1])
+
+
+def _print_json(similarities: "Similarities", ranking: "Ranking | None") -> None:
+    """Print all pairs, of two tasks the one that is asked for, and what was measured."""
+    import json
+
+    from repaint_cli.cli.zoo_rank import ranking_as_json
+
+    pairs = [pair._asdict() for pair in similarities.pairs]
+    if ranking:
+        pairs[0]["measured"] = ranking_as_json(ranking)
+    print(json.dumps(pairs[:1] if len(similarities.tasks) == 2 else pairs, indent=2))
+
+
+def _print_pair(pair: "Similarity") -> None:
+    """Print how two tasks relate, and what a teacher's mirror images are to the other task."""
+    from repaint_cli.cli.console import plain
+
     value = "" if pair.cosine is None else f"{_number(pair.cosine)}  "
     reason = f": {plain(pair.reason)}" if pair.reason else ""
     print(f"{plain(pair.teacher)} → {plain(pair.target)}  {value}{pair.relation}{reason}")
     _print_views(pair)
-    if ranking and names:
-        print()
-        print_ranking(ranking, names[1])
 
 
-def _measured(teacher: str, task: str) -> "Ranking":
-    """Let a teacher play a task in every view that may differ."""
+def _measured(*names: str) -> "Ranking":
+    """Let a teacher play a task in every view that may differ.
+
+    Raises:
+        UsageError: the names are not two.
+    """
     from rich.console import Console
 
     import repaint_cli
     from repaint_cli.cli.live import live
+    from repaint_cli.errors import UsageError
     from repaint_cli.zoo.ranking import rank, views_of
     from repaint_cli.zoo.view_names import AUTO, find, in_view
 
-    card = repaint_cli.load_task(task)
-    (name,) = in_view([teacher], AUTO)
+    if len(names) != 2:
+        raise UsageError(
+            f"--measure needs a teacher and a task, found {len(names)} names; to measure all "
+            "teachers: repaint zoo rank --task TASK"
+        )
+    card = repaint_cli.load_task(names[1])
+    (name,) = in_view(names[:1], AUTO)
     with live(Console(stderr=True)):
         return rank(card, 0, among=views_of(find(name), card))
 

@@ -187,8 +187,8 @@ class TransferOptions(NamedTuple):
     @property
     def automatic(self) -> bool:
         """Whether what is measured decides how teachers are used."""
-        said = any(getattr(self, name) != self._field_defaults[name] for name in SAYING_HOW)
-        return self.auto or not (said or says_how(self.set or ()))
+        decided = any(getattr(self, name) != self._field_defaults[name] for name in SAYING_HOW)
+        return self.auto or not (decided or says_how(self.set or ()))
 
     @property
     def selects_by_itself(self) -> bool:

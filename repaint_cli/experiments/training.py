@@ -1,18 +1,17 @@
 """Train what of an experiment is not trained yet: teachers first, then the runs that need them."""
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from repaint_cli.activity import doing
 from repaint_cli.errors import RepaintError
 from repaint_cli.experiments.planned import PlannedExperiment, PlannedRun, PlannedTeacher
 from repaint_cli.runs.folder import RunFolder
 from repaint_cli.runs.plan import Plan
-from repaint_cli.runs.with_teachers import with_measured
+from repaint_cli.runs.with_teachers import check_before_playing, with_measured
 from repaint_cli.runs.workers import train_all
 from repaint_cli.zoo import store
 from repaint_cli.zoo.scoring import score
-from repaint_cli.zoo.view_names import AUTO, TeacherFile
 
 
 @dataclass(frozen=True)
@@ -48,11 +47,7 @@ def check(runs: Sequence[PlannedRun]) -> None:
     """
     for run in runs:
         if all(teacher.file.exists() for teacher in run.teachers):
-            plan = run.plan
-            files = (
-                TeacherFile(file, "" if view == AUTO else view) for file, view in plan.teachers
-            )
-            replace(plan, teachers=tuple(files)).check()
+            check_before_playing(run.plan)
 
 
 def train(planned: PlannedExperiment, jobs: int, on_trained: OnTrained) -> None:

@@ -17,7 +17,7 @@ EACH_VIEW = 5
 """Episodes of each view, at most, where only the view of a teacher is open."""
 
 FEW_STEPS = 750
-"""`ppo.max_steps` of students who are taught: by benchmarks/transfer/choose-lanes.toml."""
+"""`ppo.max_steps` of students who are taught, where rollouts count episodes."""
 
 
 class Choice(NamedTuple):

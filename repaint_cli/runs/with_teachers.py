@@ -42,10 +42,19 @@ def choose(plan: Plan, names: Sequence[str]) -> Choice:
     if list(names) == [AUTO] and METHODS[plan.method].needs_teacher:
         return best_of_zoo(plan.target, plan.seeds[0])
     files = find_teachers(names, plan.method)
-    if files and (plan.target.automatic or any(file.view == AUTO for file in files)):
-        as_they_are = (TeacherFile(path, "" if view == AUTO else view) for path, view in files)
-        replace(plan, teachers=tuple(as_they_are), acting=None).check()  # before they play
+    if plan.target.automatic or any(file.view == AUTO for file in files):
+        check_before_playing(replace(plan, teachers=files, acting=None))
     return chosen(plan.target, files, plan.seeds[0])
+
+
+def check_before_playing(plan: Plan) -> None:
+    """Check a plan whose teachers' views may be open.
+
+    Raises:
+        As `Plan.check`.
+    """
+    files = (TeacherFile(file, "" if view == AUTO else view) for file, view in plan.teachers)
+    replace(plan, teachers=tuple(files)).check()
 
 
 def with_measured(plan: Plan) -> Plan:

@@ -65,15 +65,12 @@ def ahead(one: Played, other: Played) -> bool:
     return bool(gap > np.hypot(sem(one.returns), sem(other.returns)))
 
 
-OnPlayed = Callable[[Played], object]
-"""Is called with each policy that has played."""
-
 Affordable = Callable[[float], float]
 """Says how many steps may be played, by the mean length of the best teacher's episodes."""
 
 
 def rank(
-    task: TaskCard, seed: int, n_episodes: int = N_EPISODES, on_played: OnPlayed | None = None,
+    task: TaskCard, seed: int, n_episodes: int = N_EPISODES,
     among: Sequence[TeacherFile] | None = None, affordable: Affordable | None = None,
 ) -> Ranking:  # fmt: skip
     """Let all teachers that fit a task play it, in every view.
@@ -82,7 +79,6 @@ def rank(
         task: the task.
         seed: of the episodes, and of the untrained policies.
         n_episodes: E.
-        on_played: see `OnPlayed`.
         among: those that play, as they are looked at; all that fit, in every view, where absent.
         affordable: see `Affordable`; after 2 episodes of each those that may be the best go on.
 
@@ -102,13 +98,9 @@ def rank(
             f"no teacher in the zoo fits task '{task.name}' ({spaces}); train one: "
             "repaint train-teacher --task TASK"
         )
-    player, played = Player.of(task, spaces, seed, n_episodes), []
+    player = Player.of(task, spaces, seed, n_episodes)
     first = n_episodes if affordable is None else min(FEWEST, n_episodes)
-    for file, card in fitting:
-        one = player.play_teacher(file, card, first)
-        played.append(one)
-        if on_played:
-            on_played(one)
+    played = [player.play_teacher(file, card, first) for file, card in fitting]
     if affordable:
         spent = sum(one.lengths.sum() for one in (*played, player.untrained))
         played = _played_on(player, played, dict(fitting), n_episodes - first, affordable, spent)
