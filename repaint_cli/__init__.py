@@ -114,8 +114,8 @@ def transfer(
     from repaint_cli.tasks.presets import automatic, says_how
 
     by_hand, card = _listed(settings, "settings"), _card(task, settings, iterations)
-    decided = method or algorithm != "ppo" or instances_from or says_how(by_hand)
-    if auto or (auto is None and not decided):
+    by_choice = method, algorithm != "ppo", instances_from
+    if auto or (auto is None and not says_how(by_hand, *by_choice)):
         card, view = automatic(card, by_hand, algorithm, method), view or "auto"
     named, acting = (_listed(names, "teachers") for names in (teachers, instances_from))
     plan = start.plan_transfer(card, named, seeds, method, algorithm, acting, folder, keep, view)

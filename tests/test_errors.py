@@ -184,8 +184,6 @@ USAGES = [
      "expected --method instance or scratch with --algorithm q-learning, found 'repaint'"),
     ([*TRANSFER, "--threshold", "auto", "--select", "top"],
      "--threshold auto selects by itself; leave out --select top"),
-    ([*TRANSFER, "--auto", "--select", "top"],
-     "--threshold auto selects by itself; leave out --select top"),
     ([*TRANSFER, "--method", "kickstart", "--auto"],
      "expected an option that method 'kickstart' uses, found --auto"),
     ([*BY_Q, "--ratio", "1:1"],

@@ -225,6 +225,8 @@ def test_methods_are_compared_with_a_measured_teacher(repaint, home):
     assert [len(run.record.ranked) for run in runs] == [0, 3]
     gap = runs[1].rows["env_steps"] - runs[0].rows["env_steps"]
     assert (gap == sum(one.steps for one in runs[1].record.ranked)).all()
+    spent = sum(one.seconds for one in runs[1].record.ranked)
+    assert runs[1].rows["seconds"].min() > spent > 0
 
 
 def test_the_best_of_many_equal_teachers_is_taken_by_chance_in_one_ranking_of_twenty():
@@ -456,3 +458,12 @@ def test_a_transfer_is_automatic_where_nothing_says_how(how):
     assert not options._replace(**values).automatic
     assert options._replace(**values, auto=True).automatic
     assert options._replace(set=["ppo.n_iterations=3"], seeds=2, run="run").automatic
+    assert options._replace(set=["transfer.teacher_episodes=3"]).automatic
+
+
+def test_what_an_option_says_beside_auto_is_not_measured(repaint, home):
+    words = ["--auto", "--select", "top", *QUICK[:2], *QUICK[4:], "--dry-run"]
+    said = repaint("transfer", "--task", "reacher", "--teacher", "reacher-gentle", *words)
+    assert said.code == 0, said.err
+    assert 'rule = "top"' in said.out
+    assert 'kickstart_schedule = "auto"' in said.out

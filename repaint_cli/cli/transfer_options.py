@@ -5,7 +5,15 @@ from typing import Annotated, NamedTuple
 import typer
 
 from repaint_cli.cli import completion
-from repaint_cli.cli.option_rules import ALTERNATING, INSTANCE, KICKSTART, TAUGHT, Condition, Rule
+from repaint_cli.cli.option_rules import (
+    ALTERNATING,
+    INSTANCE,
+    KICKSTART,
+    TAUGHT,
+    Condition,
+    Rule,
+    settings_of,
+)
 from repaint_cli.cli.option_values import (
     beta_settings,
     objective_settings,
@@ -36,14 +44,8 @@ from repaint_cli.tasks.presets import says_how
 
 METHOD_HELP = "; ".join(f"{name}: {method.summary}" for name, method in METHODS.items())
 
-SAYING_HOW = (
-    "instances_from", "method", "algorithm", "preset", "ratio", "beta", "beta_decay", "select",
-    "threshold", "objective", "transfer_iterations",
-)  # fmt: skip
-"""Options that say how teachers are used; where none is given, that is measured."""
-
 ONE_SELECTION = Condition(
-    lambda options: options.select == "auto" or not options.selects_by_itself,
+    lambda options: options.select == "auto" or options.threshold != "auto",
     "--threshold auto selects by itself; leave out --select {other.select}",
 )
 BY_THRESHOLD = Condition(
@@ -187,10 +189,6 @@ class TransferOptions(NamedTuple):
     @property
     def automatic(self) -> bool:
         """Whether what is measured decides how teachers are used."""
-        decided = any(getattr(self, name) != self._field_defaults[name] for name in SAYING_HOW)
-        return self.auto or not (decided or says_how(self.set or ()))
-
-    @property
-    def selects_by_itself(self) -> bool:
-        """Whether ζ is measured, and with it which samples are kept."""
-        return self.threshold == "auto" or (self.auto and self.threshold is None)
+        settings = settings_of(self, self.algorithm)
+        by_choice = self.method, self.algorithm != "ppo", self.instances_from, self.preset
+        return self.auto or not says_how(settings, *by_choice)

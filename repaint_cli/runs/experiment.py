@@ -118,7 +118,8 @@ class Experiment:
             reference = reference_of(plan.folder, card, plan.algorithm)
         course = course_of(card, teachers.teachers, len(plan.seeds), measurements_of(plan))
         record, notices = plan.new_record(teachers), notices_of(plan, teachers)
-        return cls(plan, teachers, learner, course, record, reference, notices=notices)
+        progress = RunProgress(seconds=sum(one.seconds for one in plan.ranked))
+        return cls(plan, teachers, learner, course, record, reference, progress, notices)
 
     @property
     def card(self) -> TaskCard:

@@ -136,7 +136,7 @@ def _records(ranking: Ranking, files: Sequence[TeacherFile]) -> tuple[RankedReco
     return tuple(
         RankedRecord(
             name=one.name, better=one.better, cosine=one.cosine, steps=int(one.lengths.sum()),
-            returns=tuple(one.returns.tolist()),
+            seconds=round(one.seconds, 2), returns=tuple(one.returns.tolist()),
             teachers=tuple(which for which, file in enumerate(files) if file == one.file),
             **dict(zip(("mean", "low", "high"), mean_ci(one.returns), strict=True)),
         )

@@ -6,6 +6,7 @@ from pydantic import (
     BaseModel,
     ConfigDict,
     Field,
+    NonNegativeFloat,
     NonNegativeInt,
     ValidationError,
     ValidationInfo,
@@ -87,6 +88,8 @@ class RankedRecord(BaseModel):
     """Of its task's weights, as it is looked at, and the target's."""
     steps: NonNegativeInt
     """That it played."""
+    seconds: NonNegativeFloat = 0.0
+    """How long that took."""
     returns: tuple[float, ...] = ()
     """Of its episodes."""
     teachers: tuple[NonNegativeInt, ...] = ()

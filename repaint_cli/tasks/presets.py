@@ -40,6 +40,13 @@ AUTOMATIC = {
 distilled; one of those behind them decides it by hand."""
 
 
+SAYING_HOW = ("transfer.", "select.", "ppo.objective")
+"""Settings that say how a teacher is to be used."""
+
+HOW_MUCH = ("transfer.teacher_episodes",)
+"""Those that do not, of the same names."""
+
+
 def with_preset(card: "TaskCard", name: str | None) -> "TaskCard":
     """Return a card with a preset's numbers, or as it is without a name.
 
@@ -54,10 +61,16 @@ def with_preset(card: "TaskCard", name: str | None) -> "TaskCard":
     return card.with_settings([f"{key}={toml_value(value)}" for key, value in numbers.items()])
 
 
-def says_how(settings: Sequence[str]) -> bool:
-    """Return whether settings, as `section.key=value`, say how a teacher is to be used."""
-    return any(
-        setting.startswith(("transfer.", "select.", "ppo.objective")) for setting in settings
+def says_how(settings: Sequence[str], *choices: object) -> bool:
+    """Return whether something says how a teacher is to be used.
+
+    Args:
+        settings: those that were made by hand, as `section.key=value`.
+        choices: what else says it where it is given: a method, an algorithm, a preset, a teacher
+            for instances.
+    """
+    return any(choices) or any(
+        setting.startswith(SAYING_HOW) and not setting.startswith(HOW_MUCH) for setting in settings
     )
 
 

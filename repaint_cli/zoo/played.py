@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from repaint_cli.kernels import training_clock
 from repaint_cli.learn.evaluation import play
 from repaint_cli.learn.learner import Learner
 from repaint_cli.learn.rollout.gae import to_samples
@@ -47,6 +48,8 @@ class Played:
     """Of its task's weights, as seen, and the target's; None where there is none."""
     same_networks: bool = False
     """Whether a student can start from its weights."""
+    seconds: float = 0.0
+    """How long it played."""
 
     def joined(self, other: "Played") -> "Played":
         """Return it with more episodes of the same policy."""
@@ -60,6 +63,7 @@ class Played:
             lengths=np.concatenate([self.lengths, other.lengths]),
             reverse=np.concatenate([self.reverse, other.reverse]),
             better=float(np.average([self.better, other.better], weights=steps)),
+            seconds=self.seconds + other.seconds,
         )  # fmt: skip
 
 
@@ -77,6 +81,7 @@ class Player:
     @classmethod
     def of(cls, task: TaskCard, spaces: Spaces, seed: int, n_episodes: int) -> "Player":
         """Let untrained policies play so many episodes in all, or a few more."""
+        started = training_clock()
         seeds = [seed + i for i in range(max(1, min(N_UNTRAINED, n_episodes // 2)))]
         fresh = Learner.fresh(ActorCritic(spaces, task.net, len(seeds)), seeds, 1.0).student
         each = -(-n_episodes // len(seeds))
@@ -91,14 +96,16 @@ class Player:
         progress = None if episodes.progress is None else episodes.progress.ravel()
         reverse = np.tile(_reverse(task, each), len(seeds))
         untrained = Played(
-            "untrained", episodes.returns.ravel(), episodes.lengths.ravel(), progress, reverse, 0.5
-        )
+            "untrained", episodes.returns.ravel(), episodes.lengths.ravel(), progress, reverse, 0.5,
+            seconds=training_clock() - started,
+        )  # fmt: skip
         return cls(task, seed, critic, untrained, advantages)
 
     def play_teacher(
         self, file: TeacherFile, card: TeacherCard, n_episodes: int, turn: int = 0
     ) -> Played:
         """Let a teacher play, as it is looked at; each turn has episodes of its own."""
+        started = training_clock()
         network, _ = store.read_teacher(file.path)
         view = view_of(network, card, file, self.task)
         rollout, episodes = play(
@@ -112,6 +119,7 @@ class Player:
             _reverse(self.task, n_episodes), self._better(rollout), file,
             None if own is None else cosine(own, self.task),
             same_networks=file.view != BOTH and card.task.net.alike(self.task.net),
+            seconds=training_clock() - started,
         )  # fmt: skip
 
     def _better(self, rollout: Rollout) -> float:
