@@ -3,6 +3,7 @@
 import shutil
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -359,6 +360,17 @@ def test_an_iteration_that_nobody_has_timed_is_measured_once_a_task(tmp_path, mo
     ]
     assert seconds_left(runs) == pytest.approx(len(runs) * (2 * 2 * 3.0 + estimates.RUN_SECONDS))
     assert measured == [("reacher", "scratch", [0]), ("racer-outer", "scratch", [0])]
+
+
+def test_a_run_that_was_begun_goes_on_as_slowly_as_its_last_iteration(tmp_path, monkeypatch):
+    run = plan_experiment(ALL["reacher"], "smoke", tmp_path).runs()[0]
+    run = replace(run, card=run.card.with_settings(["ppo.n_iterations=5"]))
+    clock = np.tile([3.0, 5.0, 12.0], (2, 1))
+    begun = SimpleNamespace(
+        returns=np.zeros((2, 3)), rows={"seconds": clock}, record=SimpleNamespace(state="running")
+    )
+    monkeypatch.setattr(PlannedRun, "read", lambda _: begun)
+    assert seconds_left([run]) == pytest.approx(2 * 7.0 + estimates.RUN_SECONDS)
 
 
 def test_the_command_of_an_experiment_names_its_file_and_its_place(home):

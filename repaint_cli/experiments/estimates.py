@@ -18,8 +18,8 @@ RUN_SECONDS = 5.0
 def seconds_left(runs: Iterable[PlannedRun]) -> float:
     """Return how long runs would take one after the other.
 
-    The time of an iteration is what the experiment says, or is measured by the first iterations of
-    a seed.
+    The time of an iteration is what a run's own last one took, for a run that was begun; else what
+    the experiment says, or what the first iterations of a seed take.
 
     Raises:
         RepaintError: a run to be measured could not begin.
@@ -30,8 +30,11 @@ def seconds_left(runs: Iterable[PlannedRun]) -> float:
         left = run.left()
         if left is None:
             continue
-        one = run.seconds if run.seconds is not None else _measured(run, measured)
-        total += RUN_SECONDS + left * len(run.seeds) * one
+        pace = run.pace()
+        if pace is None:
+            one = run.seconds if run.seconds is not None else _measured(run, measured)
+            pace = one * len(run.seeds)
+        total += RUN_SECONDS + left * pace
     return total
 
 

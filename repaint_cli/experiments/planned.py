@@ -11,6 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from repaint_cli.errors import StoreError
 from repaint_cli.experiments.schema import Experiment, Panel
 from repaint_cli.files.atomic import sha256
@@ -127,6 +129,17 @@ class PlannedRun:
         done = run.returns.shape[1] if run else 0
         ended = run is not None and run.record.state == "finished"
         return None if ended and done == wanted else wanted - done
+
+    def pace(self) -> float | None:
+        """Return how long its last iteration took, all seeds together; None before the first.
+
+        Raises:
+            As `read`.
+        """
+        run = self.read()
+        if run is None or not run.returns.shape[1]:
+            return None
+        return float(np.diff(run.rows["seconds"][0], prepend=0.0)[-1])
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,8 @@ GLOSSARY = (
      "seen from the interval of their difference. With one seed there is none."),
     ("steps", "Environment steps", "Actions taken in the environment by one seed while it learned, "
      "its teachers' counted, evaluations not."),
-    ("seconds", "Time", "Of the clock since training began, evaluations counted, compiling not. It "
-     "depends on the machine; environment steps do not."),
+    ("seconds", "Time", "Of the clock since training began; evaluations, and what teachers played "
+     "before, are counted, compiling is not. It depends on the machine; environment steps do not."),
     ("first", "Jump-start (first)", "The mean return of the first evaluation, after one iteration: "
      "what a teacher is worth at once."),
     ("area", "Area", "The area under the learning curve divided by its length: the mean return "
