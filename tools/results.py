@@ -17,10 +17,10 @@ from repaint_cli.errors import RepaintError, StoreError
 from repaint_cli.experiments.estimates import hours_of
 from repaint_cli.experiments.files import list_experiments, read_experiment
 from repaint_cli.experiments.folder import ExperimentFolder, ExperimentRecord
-from repaint_cli.experiments.measures import MeasuredRow, rows_of
-from repaint_cli.experiments.results import read_curves
+from repaint_cli.experiments.measures import over_panels, rows_of
+from repaint_cli.experiments.results import MeasuredPanel, read_curves
 from repaint_cli.experiments.schema import SCALES, Experiment
-from repaint_cli.experiments.tables import MEANING, MORE, markdown
+from repaint_cli.experiments.tables import MEANING, MORE, markdown, over_markdown
 
 ROOT = Path(__file__).parents[1]
 RESULTS = ROOT / "benchmarks" / "results" / "reproduce"
@@ -104,29 +104,22 @@ def section() -> str:
 
 def _parts(experiments: list[Experiment]) -> Iterator[str]:
     """Yield what is on the page of each experiment at each scale."""
-    known = {
-        (one.name, scale): rows
-        for one in experiments
-        for scale in REAL
-        if not one.gathers and (rows := rows_at(one, scale))
-    }
+    known = {(one.name, scale): panels_at(one, scale) for one in experiments for scale in REAL}
     for one in experiments:
         for scale in reversed(REAL):
-            own = known.get((one.name, scale), [])
-            gathered = [row for name in one.gathers for row in known.get((name, scale), [])]
-            if rows := own + [row for row in gathered if row.paper]:
-                yield "\n".join(_part(one, scale, rows))
+            gathered = [panel for name in one.gathers for panel in known.get((name, scale), [])]
+            panels = known[one.name, scale] + [panel for panel in gathered if panel.panel.paper]
+            if panels:
+                yield "\n".join(_part(one, scale, panels))
 
 
-def rows_at(experiment: Experiment, scale: str) -> list[MeasuredRow]:
-    """Return the rows of an experiment's table, none where nothing is committed."""
+def panels_at(experiment: Experiment, scale: str) -> list[MeasuredPanel]:
+    """Return the panels of an experiment, none where nothing is committed."""
     path = csv_of(experiment, scale)
-    if not path.is_file():
-        return []
-    return [row for panel in read_curves(path, experiment) for row in rows_of(panel)]
+    return read_curves(path, experiment) if path.is_file() else []
 
 
-def _part(experiment: Experiment, scale: str, rows: list[MeasuredRow]) -> Iterator[str]:
+def _part(experiment: Experiment, scale: str, panels: list[MeasuredPanel]) -> Iterator[str]:
     yield f"### {experiment.name}, {scale} ({experiment.item})"
     yield ""
     yield experiment.summary
@@ -142,8 +135,11 @@ def _part(experiment: Experiment, scale: str, rows: list[MeasuredRow]) -> Iterat
             WIDTH,
         )
         yield ""
-    yield from markdown(rows, experiment.table)
+    yield from markdown([row for panel in panels for row in rows_of(panel)], experiment.table)
     yield ""
+    if experiment.gathers and experiment.table == "iterations":
+        yield from over_markdown(over_panels(panels))
+        yield ""
     note = csv_of(experiment, scale).with_suffix(".md")
     if note.is_file():
         yield note.read_text(encoding="utf-8")
