@@ -15,7 +15,7 @@ from repaint_cli.errors import CardError, CheckpointError, NotFound, StoreError
 from repaint_cli.experiments import estimates, figures, planned, results
 from repaint_cli.experiments.estimates import hours_of, seconds_left
 from repaint_cli.experiments.files import list_experiments, read_experiment
-from repaint_cli.experiments.folder import ExperimentFolder, ExperimentRecord, own_folder
+from repaint_cli.experiments.folder import ExperimentFolder, ExperimentRecord, own_folder, record_of
 from repaint_cli.experiments.measures import over_panels, rows_of, smoothed
 from repaint_cli.experiments.planned import INTO, PlannedRun
 from repaint_cli.experiments.planning import plan_experiment
@@ -360,6 +360,16 @@ def test_an_iteration_that_nobody_has_timed_is_measured_once_a_task(tmp_path, mo
     ]
     assert seconds_left(runs) == pytest.approx(len(runs) * (2 * 2 * 3.0 + estimates.RUN_SECONDS))
     assert measured == [("reacher", "scratch", [0]), ("racer-outer", "scratch", [0])]
+
+
+def test_an_experiment_is_the_same_when_its_iterations_are_timed_anew(tmp_path):
+    one = ALL["reacher"]
+    record = record_of(plan_experiment(one, "night", tmp_path), finished=True)
+    night = one.scales["night"]
+    timed = night.model_copy(update={"seconds": 99.0})
+    assert record.is_of(one.model_copy(update={"scales": one.scales | {"night": timed}}))
+    longer = night.model_copy(update={"iterations": night.iterations + 1})
+    assert not record.is_of(one.model_copy(update={"scales": one.scales | {"night": longer}}))
 
 
 def test_a_run_that_was_begun_goes_on_as_slowly_as_its_last_iteration(tmp_path, monkeypatch):

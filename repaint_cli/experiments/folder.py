@@ -106,13 +106,15 @@ class ExperimentRecord(BaseModel):
     def is_of(self, experiment: Experiment) -> bool:
         """Return whether the experiment is still defined as it was.
 
-        What an earlier version of repaint did not know has its default.
+        What an earlier version of repaint did not know has its default, and how long an iteration
+        is thought to take defines nothing.
         """
         try:
             before = Experiment.model_validate(self.definition)
         except ValidationError:
             return False
-        return before.model_dump() == experiment.model_dump()
+        guessed = {"scales": {"__all__": {"seconds"}}}
+        return before.model_dump(exclude=guessed) == experiment.model_dump(exclude=guessed)
 
     def write(self, path: Path) -> None:
         """Write the record.
