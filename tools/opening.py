@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.ticker import EngFormatter
+from matplotlib.ticker import EngFormatter, MaxNLocator
 
 import repaint_cli
 from repaint_cli.envs.racer.figures import filmed
@@ -69,7 +69,10 @@ def _curves(axes: Axes, runs: dict[str, PlannedRun], along: str) -> None:
         if band:
             axes.fill_between(x, *band, color=colours[name], alpha=0.18, linewidth=0)
     axes.set_xlabel(ALONG[along], size=style.TEXT_SIZE)
-    axes.xaxis.set_major_formatter(EngFormatter(sep=" ") if along == "steps" else "{x:.0f}")
+    if along == "steps":
+        axes.xaxis.set_major_formatter(EngFormatter(sep=" "))
+    else:
+        axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     if along == "iterations":
         axes.set_ylabel(YLABELS["return"], size=style.TEXT_SIZE)
         axes.legend(frameon=False, fontsize=style.TEXT_SIZE, loc="upper left")

@@ -15,11 +15,11 @@ from repaint_cli.experiments.files import ALL, list_experiments, read_experiment
 from repaint_cli.experiments.reproduce import ExperimentWatcher, Remaining, Reproduced, reproduce
 from repaint_cli.experiments.schema import Experiment
 from repaint_cli.experiments.tables import (
-    HEADS,
     MEANING,
     OVER_HEADS,
     OVER_MEANING,
     cells,
+    heads_of,
     over_cells,
     summary,
 )
@@ -119,7 +119,8 @@ class _Printer(ExperimentWatcher):
             own = list(rows)
             goal = "" if own[0].target is None else f", target {own[0].target:.4g}"
             out.print(literal(f"{panel}{goal}"))
-            _print([HEADS[i] for i in NARROW], [[cells(row)[i] for i in NARROW] for row in own])
+            heads = heads_of(own)
+            _print([heads[i] for i in NARROW], [[cells(row)[i] for i in NARROW] for row in own])
 
 
 def _print(heads: Sequence[str], lines: Iterable[Sequence[str]]) -> None:

@@ -27,13 +27,20 @@ MORE = (
 
 def markdown(rows: Sequence[MeasuredRow], kind: str = "rows") -> Iterator[str]:
     """Yield the lines of a table; `kind` is as in `Experiment.table`."""
-    heads, body = HEADS, [cells(row) for row in rows]
+    heads, body = heads_of(rows), [cells(row) for row in rows]
     if kind != "rows":
         heads, body = summary(rows, time=kind == "time")
     yield f"| {' | '.join(heads)} |"
     yield "|---|---|" + "---:|" * (len(heads) - 2)
     for line in body:
         yield f"| {' | '.join(line)} |"
+
+
+def heads_of(rows: Iterable[MeasuredRow]) -> Sequence[str]:
+    """Return the heads of the columns of rows, which name the paper where it has numbers."""
+    if any(row.paper for row in rows):
+        return HEADS
+    return [head.removesuffix(" (paper)") for head in HEADS]
 
 
 OVER_HEADS: Sequence[str] = ("over all panels", "panels", "IQM", "mean", "gap to 1", "P(better)")
