@@ -81,7 +81,7 @@ TASKS = {
              "ent_coef": 0.000401762, "learning_rate": 2.0633e-5, "clip_range": 0.1,
              "vf_coef": 0.58096},
         hidden=(256, 256), activation="relu", log_std_init=-2.0, init="uniform", normalize=True,
-        max_grad_norm=0.8, n_seeds=30,
+        max_grad_norm=0.8,
     ),
 }  # fmt: skip
 
