@@ -29,16 +29,19 @@ NETS = {
     "vector": "hidden = [8]",
     "image": 'kind = "cnn"\nconv = [[4, 4, 2], [8, 3, 1]]\ndense = 16',
 }
+NETS["commands"] = NETS["image"] + "\nvector = 8\npool = 1\nmask = true"
 
 
-@pytest.fixture(params=["vector", "image"])
+@pytest.fixture(params=["vector", "image", "commands"])
 def line(request, home, monkeypatch):
     """The folder with two cards of the new simulator: stay (near 0), go (to the right, near 0)."""
     monkeypatch.setitem(REGISTRY, "line", "line_simulator:LineSimulator")
     rewards = {"stay": "near = 1.0", "go": "near = 0.5\nright = 1.0"}
     for name, reward in rewards.items():
-        image = str(request.param == "image").lower()
+        image = str(request.param != "vector").lower()
         text = CARD.format(aim=name, image=image, reward=reward, net=NETS[request.param])
+        if request.param == "commands":
+            text = text.replace("image = true", "image = true\ncommands = true")
         (home / f"{name}.toml").write_text(text)
     return home
 

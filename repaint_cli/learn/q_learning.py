@@ -95,9 +95,9 @@ def check_actions(card: TaskCard, spaces: Spaces) -> None:
     """Check that a task's actions are numbered.
 
     Raises:
-        CardError: the actions are continuous.
+        CardError: the actions are continuous, or of several numbers.
     """
-    if not spaces.discrete:
+    if not spaces.discrete or spaces.sizes:
         raise CardError(
             f"expected numbered actions for q-learning, found {spaces} in '{card.name}'"
         )

@@ -58,6 +58,14 @@ class NetConfig(Settings):
     """One of the paper's by name, or (filters, kernel, stride) of each ReLU convolution."""
     dense: int = Field(512, gt=0)
     """Width of the ReLU layer between the convolutions and the head."""
+    vector: int = Field(64, gt=0)
+    """Width of the tanh layer that reads the vectors beside several images."""
+    spatial: Literal["used", "all"] = "used"
+    """Which numbers of a compound action count in probabilities and entropies: those that its
+    command uses, such as the point of a command that needs one, or all (as RL Coach has it)."""
+    mask: bool = False
+    """Whether commands that are not available are left out of the policy (SC2LE), or are only seen
+    in the observations."""
     pool: int = Field(2, ge=1)
     """Side of the squares of pixels averaged before the convolutions; 1 is the paper's size."""
     flip_images: bool = False
@@ -106,7 +114,7 @@ class NetConfig(Settings):
     def _shapes(self) -> tuple[object, ...]:
         """What the shapes of a network's weights follow from, beside its spaces."""
         if self.kind == "cnn":
-            return self.kind, self.conv_torso, self.dense, self.shared
+            return self.kind, self.conv_torso, self.dense, self.shared, self.vector
         return self.kind, self.widths("policy"), self.widths("value")
 
     @property

@@ -1,11 +1,11 @@
-"""A policy at a state: a diagonal Gaussian or a categorical distribution over actions.
+"""A policy at a state: a diagonal Gaussian, a categorical or a compound one over actions.
 
 Shapes: S seeds, B samples, A action size (Gaussian) or number of actions (categorical). Randomness
 is an argument, `noise`, so that every seed has its own generator and sampling is a pure function.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import log, pi
 from typing import TypeAlias
 
@@ -13,6 +13,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from repaint_cli.policies.compound import Compound, mixture_of_compounds
 from repaint_cli.symmetry import SignedPermutation
 
 
@@ -150,7 +151,7 @@ class Categorical:
         return Categorical(self.log_probs[seed : seed + 1, :n])
 
 
-Distribution: TypeAlias = Gaussian | Categorical
+Distribution: TypeAlias = Gaussian | Categorical | Compound
 
 
 def concat_samples(parts: Sequence[Distribution]) -> Distribution:
@@ -161,14 +162,14 @@ def concat_samples(parts: Sequence[Distribution]) -> Distribution:
         if log_std.shape[1] != 1:  # it depends on the state
             log_std = torch.cat([part.log_std for part in gaussians], 1)
         return Gaussian(torch.cat([part.mean for part in gaussians], 1).detach(), log_std.detach())
-    log_probs = [part.log_probs for part in parts if isinstance(part, Categorical)]
-    return Categorical(torch.cat(log_probs, 1).detach())
+    log_probs = [part.log_probs for part in parts if not isinstance(part, Gaussian)]
+    return replace(first, log_probs=torch.cat(log_probs, 1).detach())
 
 
 def concat_policies(parts: Sequence[Distribution]) -> Distribution:
     """Return several policies, each at its own samples, (S, ΣB)."""
     whole = concat_samples(parts)
-    if isinstance(whole, Categorical):
+    if not isinstance(whole, Gaussian):
         return whole
     log_stds = [part.log_std.expand_as(part.mean) for part in parts if isinstance(part, Gaussian)]
     return Gaussian(whole.mean, torch.cat(log_stds, 1))
@@ -180,7 +181,7 @@ def mixture(parts: Sequence[Distribution], weights: Tensor) -> Distribution:
         Σᵢ βᵢ·H(Tᵢ‖π) = (Σᵢ βᵢ)·H(T‖π)   for every π of the family      (paper, equation 5)
 
     as H(T‖π) is linear in T's probabilities or, where π is Gaussian, in T's first two moments: T is
-    the mixture, or the Gaussian with its mean and its variance.
+    the mixture, or the Gaussian with its mean and its variance; see `mixture_of_compounds`.
 
     Args:
         parts: M teachers.
@@ -193,6 +194,8 @@ def mixture(parts: Sequence[Distribution], weights: Tensor) -> Distribution:
     if isinstance(parts[0], Categorical):
         probs = [p.log_probs for p in parts if isinstance(p, Categorical)]
         return Categorical(torch.logsumexp(torch.stack(probs) + shares.log(), 0))
+    if isinstance(parts[0], Compound):
+        return mixture_of_compounds([p for p in parts if isinstance(p, Compound)], shares)
     pairs = [(p, w) for p, w in zip(parts, shares, strict=True) if isinstance(p, Gaussian)]
     mean = sum((w * p.mean for p, w in pairs), torch.zeros(()))
     # Var = Σ wᵢ·(τᵢ² + (mᵢ − m)²): no difference of large numbers

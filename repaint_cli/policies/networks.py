@@ -20,11 +20,20 @@ import torch.nn.functional as F  # noqa: N812
 from torch import Tensor
 
 from repaint_cli.policies.architecture import NetConfig
+from repaint_cli.policies.compound import Compound
 from repaint_cli.policies.distributions import Categorical, Distribution, Gaussian
 from repaint_cli.policies.normalizer import Normalizer
-from repaint_cli.policies.parameters import LIDAR_WIDTHS, NetworkName, first_values, leaves_of
+from repaint_cli.policies.parameters import (
+    AVAILABLE,
+    LIDAR_WIDTHS,
+    NetworkName,
+    first_values,
+    images_of,
+    leaves_of,
+    vectors_of,
+)
 from repaint_cli.policies.precision import resolved
-from repaint_cli.policies.spaces import Spaces
+from repaint_cli.policies.spaces import Spaces, by_name
 
 ACTIVATIONS = {"tanh": torch.tanh, "relu": torch.relu, "elu": F.elu}
 """Of dense layers, by name on a card."""
@@ -59,6 +68,9 @@ class ActorCritic:
                 n_seeds, spaces.obs_shape[0], clip, net.obs_min_std, active=net.obs_normalize
             )
         )  # fmt: skip
+        uses = torch.tensor(spaces.uses, dtype=torch.float32)
+        counts_all = net.spatial == "all" or not spaces.sizes
+        self._uses = torch.ones_like(uses) if counts_all else uses
         self._frozen = self._detached()
         self._seeds = [self.alone(s) for s in range(n_seeds)] if n_seeds > 1 else []
 
@@ -114,11 +126,14 @@ class ActorCritic:
         """Return π(·|s) for raw observations (S, B, *O).
 
         Args:
-            obs: observations, or {"camera": …, "lidar": …}; each seed's first `counts[s]` are real,
-                the rest is padding.
+            obs: observations, or several by name; each seed's first `counts[s]` are real, the rest
+                is padding.
             counts: how many are real, (S,); all where absent. Padding of images is not computed.
         """
         out = self._forward("policy", obs, counts)
+        if self.spaces.sizes:
+            available = by_name(obs)[AVAILABLE] if self.net.mask else None
+            return Compound.from_logits(out, self.spaces.sizes, self._uses, available)
         if self.spaces.discrete:
             return Categorical.from_logits(out)
         return Gaussian(out, self.weights["policy.log_std"].unsqueeze(1))
@@ -137,8 +152,7 @@ class ActorCritic:
         Seed by seed, so that its neighbours and the padding change no bit of a seed's; but where
         gradients are wanted of dense networks, in products of all seeds at once, which are faster.
         """
-        parts = {"": obs} if self.normalizer is None else {"": self.normalizer.normalize(obs)}
-        parts = obs if self.spaces.n_beams else parts
+        parts = by_name(obs if self.normalizer is None else self.normalizer.normalize(obs))
         one_by_one = self.spaces.image or not torch.is_grad_enabled()
         if not (one_by_one and self._seeds):
             return self._outputs(network, parts)
@@ -152,7 +166,7 @@ class ActorCritic:
     def _outputs(self, network: NetworkName, parts: Mapping[str, Tensor]) -> Tensor:
         """Return outputs (S, B, heads); of images S is 1, as grouped convolutions are slower."""
         if self.spaces.image:
-            return self._cnn(network, *(x.squeeze(0) for x in parts.values())).unsqueeze(0)
+            return self._cnn(network, {n: x.squeeze(0) for n, x in parts.items()}).unsqueeze(0)
         x, activation = parts[""], ACTIVATIONS[self.net.activation]
         learning = torch.is_grad_enabled()
         *hidden, head = self._dense_layers(network) if learning else self._frozen[network]
@@ -176,19 +190,34 @@ class ActorCritic:
                 for name in names
             }
 
-    def _cnn(self, network: NetworkName, images: Tensor, ranges: Tensor | None = None) -> Tensor:
-        """Return outputs (B, heads) for images (B, H, W, C) and ranges (B, beams)."""
+    def _cnn(self, network: NetworkName, parts: Mapping[str, Tensor]) -> Tensor:
+        """Return outputs (B, heads) for images (B, H, W, C) and vectors (B, n), by name."""
         torso = "policy" if self.net.shared else network
-        x = self._conv_torso(torso, images)
-        if ranges is not None:
-            y = 1 - ranges  # so that a beam that meets nothing is 0
-            for layer in range(len(LIDAR_WIDTHS)):
-                y = torch.relu(self._dense(y, f"{torso}.lidar{layer}"))
-            x = torch.cat([x, y], 1)
+        x = self._features_of_parts(torso, parts) if self.spaces.parts else (
+            self._features(torso, *parts.values())
+        )  # fmt: skip
         x = torch.relu(self._dense(x, f"{network}.dense", self._dtype))
         return self._dense(x, f"{network}.head")
 
-    def _conv_torso(self, network: NetworkName, images: Tensor) -> Tensor:
+    def _features(self, torso: str, images: Tensor, ranges: Tensor | None = None) -> Tensor:
+        """Return features (B, n) of images (B, H, W, C) and ranges (B, beams)."""
+        x = self._conv_torso(torso, images)
+        if ranges is None:
+            return x
+        y = 1 - ranges  # so that a beam that meets nothing is 0
+        for layer in range(len(LIDAR_WIDTHS)):
+            y = torch.relu(self._dense(y, f"{torso}.lidar{layer}"))
+        return torch.cat([x, y], 1)
+
+    def _features_of_parts(self, torso: str, parts: Mapping[str, Tensor]) -> Tensor:
+        """Return features (B, n) of several images (B, H, W, C) and vectors (B, n)."""
+        features = [self._conv_torso(f"{torso}.{n}", parts[n]) for n in images_of(self.spaces)]
+        if names := vectors_of(self.spaces):
+            vector = torch.cat([parts[name].float() for name in names], 1)
+            features.append(torch.tanh(self._dense(vector, f"{torso}.vector")))
+        return torch.cat(features, 1)
+
+    def _conv_torso(self, network: str, images: Tensor) -> Tensor:
         """Return features (B, n) of images (B, H, W, C)."""
         torso = self.net.conv_torso
         activation = torch.tanh if torso.tanh else torch.relu

@@ -19,6 +19,9 @@ NetworkName = Literal["policy", "value"]
 LIDAR_WIDTHS = (256, 256)
 """Of the ReLU layers that read a lidar, beside the convolutions."""
 
+AVAILABLE = "available"
+"""The vector of observations that says which commands can be carried out, (C,); see `net.mask`."""
+
 LARGE = 2**20
 """Numbers of a matrix whose factorisation takes a second: the first dense layer of a camera."""
 
@@ -37,11 +40,16 @@ def leaves_of(spaces: Spaces, net: NetConfig) -> dict[NetworkName, list[Leaf]]:
     """Return the parameters of a policy and of a critic, in order.
 
     Raises:
-        CardError: the networks do not read the task's observations.
+        CardError: the networks do not read the task's observations, or mask commands of which the
+            task does not say whether they are available.
     """
     if (net.kind == "cnn") != spaces.image:
         wanted = "an image" if net.kind == "cnn" else "a vector"
         raise CardError(f"net.kind '{net.kind}' reads {wanted}, the task gives {spaces}")
+    if net.mask and (not spaces.sizes or dict(spaces.parts).get(AVAILABLE) != spaces.sizes[:1]):
+        raise CardError(
+            f"net.mask needs observations '{AVAILABLE}', a number for each command, found {spaces}"
+        )
     names: tuple[NetworkName, NetworkName] = ("policy", "value")
     return {name: list(_network(name, spaces, net)) for name in names}
 
@@ -65,13 +73,31 @@ def _network(name: NetworkName, spaces: Spaces, net: NetConfig) -> Iterator[Leaf
             yield Leaf("policy.log_std", (spaces.n_actions,), 0.0)
 
 
+def images_of(spaces: Spaces) -> list[str]:
+    """Return the names of the images among several observations."""
+    return [name for name, shape in spaces.parts if len(shape) == 3]
+
+
+def vectors_of(spaces: Spaces) -> list[str]:
+    """Return the names of the vectors among several observations."""
+    return [name for name, shape in spaces.parts if len(shape) == 1]
+
+
 def _sensor_layers(name: NetworkName, spaces: Spaces, net: NetConfig) -> Generator[Leaf, None, int]:
-    """Yield the parameters that read the camera and the lidar; return their number of features.
+    """Yield the parameters that read images and numbers beside them; return how many features.
 
     A critic that shares the policy's layers has none of its own.
     """
     layers: list[Leaf] = []
-    size = _add_conv_torso(layers, name, spaces, net)
+    if spaces.parts:
+        shapes = dict(spaces.parts)
+        images, n_in = images_of(spaces), sum(shapes[n][0] for n in vectors_of(spaces))
+        size = sum(_add_conv_torso(layers, f"{name}.{one}", shapes[one], net) for one in images)
+        if n_in:
+            layers += _dense(f"{name}.vector", n_in, net.vector, sqrt(2))
+            size += net.vector
+    else:
+        size = _add_conv_torso(layers, name, spaces.obs_shape, net)
     if spaces.n_beams:
         n_in = spaces.n_beams
         for layer, width in enumerate(LIDAR_WIDTHS):
@@ -83,23 +109,24 @@ def _sensor_layers(name: NetworkName, spaces: Spaces, net: NetConfig) -> Generat
     return size
 
 
-def _add_conv_torso(layers: list[Leaf], name: NetworkName, spaces: Spaces, net: NetConfig) -> int:
+def _add_conv_torso(layers: list[Leaf], name: str, shape: tuple[int, ...], net: NetConfig) -> int:
     """Append the parameters of the convolutions; return their number of features.
 
     Raises:
         CardError: the image is smaller than a convolution's kernel.
     """
-    height, width, channels = spaces.obs_shape
+    height, width, channels = shape
     height, width = height // net.pool, width // net.pool
     for layer, (filters, kernel, stride) in enumerate(net.conv_torso.layers):
-        shape = (filters, channels, kernel, kernel)
-        layers.append(Leaf(f"{name}.conv{layer}.weight", shape, sqrt(2)))
+        form = (filters, channels, kernel, kernel)
+        layers.append(Leaf(f"{name}.conv{layer}.weight", form, sqrt(2)))
         layers.append(Leaf(f"{name}.conv{layer}.bias", (filters,), 0.0))
         height, width = (height - kernel) // stride + 1, (width - kernel) // stride + 1
         channels = filters
         if min(height, width) < 1:
             raise CardError(
-                f"net.conv layer {layer} needs a larger image: {spaces} at net.pool {net.pool}"
+                f"net.conv layer {layer} needs a larger image: {'×'.join(map(str, shape))} at "
+                f"net.pool {net.pool}"
             )
     size = channels * height * width
     if net.conv_torso.dense:

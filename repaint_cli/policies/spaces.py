@@ -1,9 +1,13 @@
 """The sizes of a policy's observations and actions."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import gymnasium
+from gymnasium.spaces import Box, Dict, Discrete, MultiDiscrete
 
+from repaint_cli.compound_space import uses_of
 from repaint_cli.errors import CardError
 
 
@@ -12,43 +16,76 @@ class Spaces:
     """The sizes of observations and actions."""
 
     obs_shape: tuple[int, ...]
-    """O: (features,) or an image (height, width, channels)."""
+    """O: (features,) or an image (height, width, channels), the first where there are several."""
     n_actions: int
-    """A: dimensions of a continuous action, or how many discrete ones."""
+    """A: dimensions of a continuous action, or how many discrete ones; of a compound action the sum
+    over its numbers."""
     discrete: bool
-    """Whether actions are numbers 0…A−1."""
+    """Whether actions are numbers 0…A−1, or several numbers."""
     n_beams: int = 0
     """Ranges of a lidar that come with an image; 0 without one."""
+    parts: tuple[tuple[str, tuple[int, ...]], ...] = ()
+    """Several images and vectors by name, with their shapes; none where there is one image, with a
+    lidar or not, or one vector."""
+    sizes: tuple[int, ...] = ()
+    """Of each number of a compound action, (P,)."""
+    uses: tuple[tuple[bool, ...], ...] = ()
+    """Which of its numbers beside the first count, with each value of the first, (C, P − 1)."""
 
     @classmethod
     def of(cls, obs: gymnasium.Space, action: gymnasium.Space) -> "Spaces":  # type: ignore[type-arg]
         """Return the sizes of Gymnasium spaces.
 
         Raises:
-            CardError: the observations are no vector or image, or the actions no vector or Discrete
-                from 0.
+            CardError: the observations are no vector or image, nor several of them with an image
+                among them, or the actions no vector, Discrete or MultiDiscrete from 0.
         """
-        if isinstance(obs, gymnasium.spaces.Dict) and obs.keys() == {"camera", "lidar"}:
+        if isinstance(obs, Dict) and obs.keys() == {"camera", "lidar"}:
             image, ranges = cls.of(obs["camera"], action), cls.of(obs["lidar"], action)
             return replace(image, n_beams=ranges.obs_shape[0])
+        if isinstance(obs, Dict):
+            named = {name: cls.of(part, action).obs_shape for name, part in obs.items()}
+            first = next((part for name, part in obs.items() if len(named[name]) == 3), None)
+            if first is not None:
+                return replace(cls.of(first, action), parts=tuple(named.items()))
         shape = obs.shape
-        if isinstance(obs, gymnasium.spaces.Box) and shape is not None and len(shape) in (1, 3):
-            if isinstance(action, gymnasium.spaces.Discrete) and action.start == 0:
+        if isinstance(obs, Box) and shape is not None and len(shape) in (1, 3):
+            if isinstance(action, Discrete) and action.start == 0:
                 return cls(shape, int(action.n), True)
-            if isinstance(action, gymnasium.spaces.Box) and len(action.shape) == 1:
+            if isinstance(action, Box) and len(action.shape) == 1:
                 return cls(shape, action.shape[0], False)
+            if (
+                isinstance(action, MultiDiscrete)
+                and len(action.shape) == 1
+                and not action.start.any()
+            ):
+                sizes = tuple(action.nvec.tolist())
+                return cls(shape, sum(sizes), True, sizes=sizes, uses=uses_of(action))
         raise CardError(
-            "expected observations in a vector or an image and actions in a vector or Discrete, "
-            f"found {obs} and {action}"
+            "expected observations in a vector or an image and actions in a vector, Discrete or "
+            f"MultiDiscrete, found {obs} and {action}"
         )
 
     @property
     def image(self) -> bool:
-        """Whether observations are images."""
+        """Whether observations are images, perhaps with numbers beside them."""
         return len(self.obs_shape) == 3
 
+    @property
+    def shapes(self) -> dict[str, tuple[int, ...]]:
+        """The shapes of one observation's arrays by name, "" of an array without one."""
+        if self.n_beams:
+            return {"camera": self.obs_shape, "lidar": (self.n_beams,)}
+        return dict(self.parts) or {"": self.obs_shape}
+
     def __str__(self) -> str:
-        size = "×".join(str(n) for n in self.obs_shape)
-        size += f" + {self.n_beams}" if self.n_beams else ""
+        shapes = self.shapes.values()
+        size = " + ".join("×".join(str(n) for n in shape) for shape in shapes)
         kind = "discrete" if self.discrete else "continuous"
-        return f"{size} observations and {self.n_actions} {kind} actions"
+        n_actions = "×".join(map(str, self.sizes)) or str(self.n_actions)
+        return f"{size} observations and {n_actions} {kind} actions"
+
+
+def by_name(obs: Any) -> dict[str, Any]:
+    """Return the arrays of observations by name, "" of an array without one."""
+    return dict(obs) if isinstance(obs, Mapping) else {"": obs}

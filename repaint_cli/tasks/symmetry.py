@@ -62,6 +62,8 @@ class SymmetryConfig(Settings):
         """
         if len(spaces.obs_shape) != 1:
             raise CardError(f"[symmetry] expected observations in a vector, found {spaces}")
+        if spaces.sizes:
+            raise CardError(f"[symmetry] expected actions of one number, found {spaces}")
         if self.numbered != spaces.discrete:
             n = spaces.n_actions
             wanted = f"each of 0 to {n - 1}, as actions are numbered" if spaces.discrete else (

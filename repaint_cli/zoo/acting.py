@@ -41,8 +41,8 @@ class LoadedTeacher:
                 {"camera": …, "lidar": …}, where there are several.
 
         Returns:
-            Actions, (B, A) or (B,) numbers of discrete ones; without B for one observation. They
-            are not clipped to the environment's bounds.
+            Actions, (B, A), (B,) numbers of discrete ones or (B, P) of compound ones; without B for
+            one observation. They are not clipped to the environment's bounds.
 
         Raises:
             TeacherMismatch: the observations are of other shapes.
@@ -63,8 +63,7 @@ class LoadedTeacher:
         Raises:
             TeacherMismatch: they are neither.
         """
-        shape, beams = self.card.obs_shape, self.card.n_beams
-        wanted = {"camera": shape, "lidar": (beams,)} if beams else {"": shape}
+        wanted = self.card.spaces.shapes
         shapes = {name: array.shape for name, array in arrays.items()}
         if shapes == wanted:
             return True

@@ -8,7 +8,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
 
 import torch
 from torch import Tensor
@@ -70,12 +69,11 @@ class _Policy(torch.nn.Module):
         super().__init__()
         self._network = network
 
-    def forward(self, obs: Tensor, lidar: Tensor | None = None) -> tuple[Tensor, ...]:
+    def forward(self, *obs: Tensor) -> tuple[Tensor, ...]:
         """Return mean (B, A) and log σ (A,), or log π (B, A), for observations (B, *O)."""
-        batch: Any = obs.unsqueeze(0)
-        if lidar is not None:
-            batch = {"camera": batch, "lidar": lidar.unsqueeze(0)}
-        distribution = self._network.policy(batch)
+        names = self._network.spaces.shapes
+        batch = {name: x.unsqueeze(0) for name, x in zip(names, obs, strict=True)}
+        distribution = self._network.policy(batch if len(batch) > 1 else batch[""])
         if isinstance(distribution, Gaussian):
             return distribution.mean.squeeze(0), distribution.log_std.reshape(-1)
         return (distribution.log_probs.squeeze(0),)
@@ -85,22 +83,25 @@ def write_onnx(network: ActorCritic, card: TeacherCard, path: Path) -> None:
     """Write a policy as ONNX, in float32; its card is in the model's metadata under `repaint`.
 
     Inputs are `obs`, float32 (B, O) or uint8 (B, H, W, C), and `lidar` (B, beams) where there is
-    one; outputs `mean` (B, A) and `log_std` (A,), or `log_probs` (B, A).
+    one, or several images and vectors by their names; outputs `mean` (B, A) and `log_std` (A,), or
+    `log_probs` (B, A), of a compound action those of each number one behind the other.
 
     Raises:
         StoreError: the file cannot be written.
     """
     spaces = network.spaces
-    dtype = torch.uint8 if spaces.image else torch.float32
-    inputs = [torch.zeros(2, *spaces.obs_shape, dtype=dtype)]
-    inputs += [torch.zeros(2, spaces.n_beams)] if spaces.n_beams else []
+    inputs = [
+        torch.zeros(2, *shape, dtype=torch.uint8 if len(shape) == 3 else torch.float32)
+        for shape in spaces.shapes.values()
+    ]
+    names = [name for name, _ in spaces.parts] or ["obs", "lidar"][: len(inputs)]
     batch, policy = torch.export.Dim("batch"), _Policy(network.in_precision("float32"))
     with _quietly():
         program = torch.onnx.export(
             policy.eval(), tuple(inputs), dynamo=True, verbose=False, opset_version=OPSET,
-            input_names=["obs", "lidar"][: len(inputs)],
+            input_names=names,
             output_names=["log_probs"] if spaces.discrete else ["mean", "log_std"],
-            dynamic_shapes=tuple({0: batch} for _ in inputs),
+            dynamic_shapes=(tuple({0: batch} for _ in inputs),),
         )  # fmt: skip
     assert program is not None
     program.model.metadata_props["repaint"] = json.dumps(card.model_dump(mode="json"))

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from pydantic import (
+    Field,
     NonNegativeInt,
     PositiveInt,
     ValidationError,
@@ -70,6 +71,12 @@ class TeacherCard(Settings):
     """Whether actions are numbers."""
     n_beams: NonNegativeInt = 0
     """Ranges of a lidar beside an image."""
+    parts: dict[str, tuple[PositiveInt, ...]] = Field(default_factory=dict)
+    """Shapes of several images and vectors by name, where observations are that."""
+    sizes: tuple[PositiveInt, ...] = ()
+    """Of each number of a compound action."""
+    uses: tuple[tuple[bool, ...], ...] = ()
+    """Which of its numbers count, with each value of the first."""
     algorithm: str = "ppo"
     """That trained it; the policy of q-learning has Q for its logits, and no critic."""
     method: str
@@ -119,7 +126,10 @@ class TeacherCard(Settings):
         """The sizes of observations and actions."""
         from repaint_cli.policies.spaces import Spaces
 
-        return Spaces(self.obs_shape, self.n_actions, self.discrete, self.n_beams)
+        return Spaces(
+            self.obs_shape, self.n_actions, self.discrete, self.n_beams, tuple(self.parts.items()),
+            self.sizes, self.uses,
+        )  # fmt: skip
 
 
 class TeacherSummary(NamedTuple):

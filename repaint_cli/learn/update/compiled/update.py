@@ -41,6 +41,8 @@ OF_INSTANCES = ("policy_loss", "approx_kl", "clip_fraction", "log_ratio")
 
 def applies_to(student: ActorCritic, spec: UpdateSpec) -> bool:
     """Tell whether a student's networks are dense with tanh, and the loss is the one here."""
+    if student.spaces.sizes:  # a compound action
+        return False
     dense = student.net.kind == "mlp" and student.net.activation == "tanh"
     clipped = spec.ppo.objective == "clipped" and not spec.ppo.kl_weight
     known = spec.loss == "distillation" or (clipped and spec.instances is None)

@@ -1,0 +1,42 @@
+"""Actions of several numbers, of which some count only with some values of the first.
+
+A command with a point on a screen is one: `(command, x, y)`, where x and y count for commands that
+need a point. **C** values of the first number, **P** numbers of an action.
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+import gymnasium
+import numpy as np
+
+
+class CompoundSpace(gymnasium.spaces.MultiDiscrete):
+    """The actions (P,), each number below its size; `uses` says which of them count when."""
+
+    def __init__(self, sizes: Sequence[int], uses: Sequence[Sequence[bool]]) -> None:
+        """Make the space; `sizes` are (P,), and `uses`, (C, P − 1), says which numbers count.
+
+        Raises:
+            ValueError: `uses` has no row for each value of the first number, or no column for each
+                further one.
+        """
+        super().__init__(np.array(sizes, np.int64))
+        self.uses = tuple(tuple(map(bool, row)) for row in uses)
+        if np.shape(self.uses) != (sizes[0], len(sizes) - 1):
+            raise ValueError(
+                f"expected uses of {sizes[0]} × {len(sizes) - 1}, found {np.shape(self.uses)}"
+            )
+
+    def __eq__(self, other: Any) -> bool:
+        return super().__eq__(other) and self.uses == uses_of(other)
+
+    __hash__ = None  # type: ignore[assignment]
+
+
+def uses_of(space: gymnasium.spaces.MultiDiscrete) -> tuple[tuple[bool, ...], ...]:
+    """Return which numbers beside the first count with each value of the first, (C, P − 1)."""
+    if isinstance(space, CompoundSpace):
+        return space.uses
+    n_first, n_rest = int(space.nvec[0]), len(space.nvec) - 1
+    return ((True,) * n_rest,) * n_first
