@@ -3,6 +3,7 @@
 from itertools import product
 
 import numpy as np
+import odd_envs
 import pytest
 import torch
 from gymnasium.spaces import Box, Dict, MultiDiscrete
@@ -217,3 +218,18 @@ def test_a_mask_needs_to_know_what_is_available():
         )
     with pytest.raises(CardError, match="expected observations in a vector or an image"):
         Spaces.of(Dict(one=Box(-1.0, 1.0, (4,)), two=Box(-1.0, 1.0, (4,))), MultiDiscrete([2]))
+
+
+@pytest.mark.parametrize("method", ["repaint", "repaint-joint"])
+def test_an_environment_of_two_numbers_is_a_task_like_any_other(repaint, home, method):
+    (home / "pairs.toml").write_text(odd_envs.card("Pairs", "near"))
+    assert "3×2 discrete actions" in repaint("tasks", "check", "pairs.toml").out
+    trained = repaint("train-teacher", "--task", "pairs.toml", "--name", "pairs")
+    assert trained.code == 0, trained.err
+    words = ["--teacher", "pairs", "--method", method, "--iterations", 2, "--run", "run"]
+    taught = repaint("transfer", "--task", "pairs.toml", *words)
+    assert taught.code == 0, taught.err
+    assert repaint("eval", "run").code == 0
+    refused = repaint("transfer", "--task", "pairs.toml", "--algorithm", "q-learning", "--method",
+                      "scratch")  # fmt: skip
+    assert "expected numbered actions for q-learning, found 2 observations and 3×2" in refused.err
