@@ -16,7 +16,8 @@ from repaint_cli.learn.rollout.gae import Samples
 from repaint_cli.learn.rollout.observations import Observations
 from repaint_cli.learn.update.adam import RowAdam
 from repaint_cli.policies.architecture import NetConfig
-from repaint_cli.policies.networks import ActorCritic, brightness
+from repaint_cli.policies.images import brightness
+from repaint_cli.policies.networks import ActorCritic
 from repaint_cli.policies.normalizer import Normalizer
 from repaint_cli.policies.parameters import orthogonal
 from repaint_cli.policies.spaces import Spaces

@@ -15,7 +15,8 @@ from repaint_cli.learn.rollout.gae import to_samples
 from repaint_cli.learn.update.objectives import representation_loss
 from repaint_cli.policies import precision
 from repaint_cli.policies.architecture import NetConfig
-from repaint_cli.policies.networks import ActorCritic, brightness
+from repaint_cli.policies.images import brightness
+from repaint_cli.policies.networks import ActorCritic
 from repaint_cli.policies.precision import resolved, slowness_warnings
 from repaint_cli.policies.spaces import Spaces
 from repaint_cli.runs.start import plan_teacher, plan_transfer

@@ -9,9 +9,8 @@ the optimiser's step.
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from copy import copy
-from functools import cached_property, reduce
+from functools import cached_property
 from math import inf, prod
-from operator import add
 from typing import Any, Literal
 
 import numpy as np
@@ -22,6 +21,7 @@ from torch import Tensor
 from repaint_cli.policies.architecture import NetConfig
 from repaint_cli.policies.compound import Compound
 from repaint_cli.policies.distributions import Categorical, Distribution, Gaussian
+from repaint_cli.policies.images import brightness
 from repaint_cli.policies.normalizer import Normalizer
 from repaint_cli.policies.parameters import (
     AVAILABLE,
@@ -238,15 +238,3 @@ class ActorCritic:
         """Return the weight and the bias of a layer of the only seed, as they enter a product."""
         weight, bias = (self.weights[f"{name}.{part}"].squeeze(0) for part in ("weight", "bias"))
         return weight.to(dtype), bias.to(dtype)
-
-
-def brightness(images: Tensor, pool: int) -> Tensor:
-    """Return images (B, H, W, C) uint8 as numbers in [0, 1], (B, C, H/pool, W/pool).
-
-    Squares of pool × pool pixels are averaged; adding strided views is what torch does fastest.
-    """
-    x = images.permute(0, 3, 1, 2).to(torch.float32)
-    height, width = (size // pool * pool for size in x.shape[2:])
-    x = reduce(add, [x[..., i:height:pool, :] for i in range(pool)])
-    x = reduce(add, [x[..., i:width:pool] for i in range(pool)])
-    return x / (255 * pool * pool)
