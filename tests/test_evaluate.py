@@ -6,7 +6,7 @@ import torch
 from numpy.testing import assert_allclose, assert_array_equal
 
 from repaint_cli.envs.racer.names import STATUS
-from repaint_cli.learn.evaluation import evaluate, spaces_of
+from repaint_cli.learn.evaluation import evaluate, play, spaces_of
 from repaint_cli.learn.seeding import Purpose, env_seeds
 from repaint_cli.policies.networks import ActorCritic
 from repaint_cli.tasks.card_files import read_task
@@ -46,6 +46,17 @@ def test_it_is_deterministic_and_leaves_the_policy_alone(reacher):
     assert_array_equal(one.actions, again.actions)
     assert torch.equal(network.storage, before[0])
     assert torch.equal(network.normalizer.count, before[1])
+
+
+def test_an_evaluation_keeps_images_only_where_they_are_wanted(lap):
+    rollout, played = play(student(lap), lap, [0], 2, keep_images=False)
+    whole, same = play(student(lap), lap, [0], 2)
+    assert rollout.observations.sizes.tolist() == [0]
+    assert whole.observations.sizes.tolist() == [int(same.lengths.sum()) + 2]
+    assert_array_equal(played.actions, same.actions)
+    assert_array_equal(played.paths, same.paths)
+    seen = evaluate(student(lap), lap, [0], 2, keep_observations=True).observations
+    assert [len(one) for one in seen[0]] == same.lengths[0].tolist()
 
 
 def test_all_policies_meet_the_same_episodes(reacher):

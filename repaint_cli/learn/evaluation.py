@@ -95,8 +95,9 @@ def evaluate(
         functions: the user's reward functions of earlier evaluations, whose variables go on.
     """
     rollout, episodes = play(
-        policy, task, seeds, n_episodes, iteration, purpose, functions=functions
-    )
+        policy, task, seeds, n_episodes, iteration, purpose,
+        functions=functions, keep_images=keep_observations,
+    )  # fmt: skip
     return replace(episodes, observations=_observations(rollout)) if keep_observations else episodes
 
 
@@ -109,8 +110,9 @@ def play(
     purpose: Purpose = Purpose.EVALUATE,
     *,
     functions: Functions | None = None,
+    keep_images: bool = True,
 ) -> tuple[Rollout, Episodes]:
-    """Play episodes, and return them step by step, too; see `evaluate`."""
+    """Play episodes, and return them step by step, too; see `evaluate` and `collect`."""
     act = policy.policy if isinstance(policy, PolicyNetwork) else policy
     noise = task.eval.noise == "paper"
     env, obs = start(
@@ -119,7 +121,9 @@ def play(
     )  # fmt: skip
     rngs = [generator(seed, purpose, iteration) for seed in seeds]
     with doing("playing" if purpose is Purpose.SCORE else "evaluating"):
-        rollout = collect(env, obs, act, rngs, greedy=True, record=task.env.records)
+        rollout = collect(
+            env, obs, act, rngs, greedy=True, record=task.env.records, keep_images=keep_images
+        )
     rollout = replace(rollout, actions=clip(rollout.actions, env))
     env.close()
     return rollout, _episodes(task, rollout, env_seeds(seeds, purpose, iteration, n_episodes))

@@ -72,6 +72,7 @@ def collect(
     ended: np.ndarray | None = None,
     greedy: bool = False,
     record: Sequence[str] = (),
+    keep_images: bool = True,
 ) -> Rollout:
     """Let a policy act until every seed has enough.
 
@@ -89,6 +90,8 @@ def collect(
         ended: where an episode ended before the first step, which begins another, (S, N).
         greedy: take the most likely action instead of a sample.
         record: further numbers to keep from `info`.
+        keep_images: whether the rollout has its observations where they are images: an episode of
+            them may take 150 MB.
 
     Raises:
         DivergedError: an observation or a reward is not finite.
@@ -100,7 +103,8 @@ def collect(
         extent = Extent(shape, n_steps, whole, each_steps)
         if playing is not None:
             extent.running &= playing
-        return _roll(env, obs, act, RolloutBuilder(shape, record), extent, resetting)
+        builder = RolloutBuilder(shape, record, keep_images)
+        return _roll(env, obs, act, builder, extent, resetting)
 
 
 def _roll(

@@ -104,9 +104,11 @@ class Rollout:
 class RolloutBuilder:
     """Lists that grow step by step, and become a Rollout."""
 
-    def __init__(self, shape: tuple[int, int], record: Sequence[str]) -> None:
+    def __init__(
+        self, shape: tuple[int, int], record: Sequence[str], keep_images: bool = True
+    ) -> None:
         """Start empty, for (S, N) environments and further numbers from `info`, by name."""
-        self.shape = shape
+        self.shape, self._keep_images = shape, keep_images
         self.n_steps = 0
         self._stores: list[Any] = []
         self._stored: list[np.ndarray] = []
@@ -117,7 +119,9 @@ class RolloutBuilder:
         self._records: dict[str, list[np.ndarray]] = {name: [] for name in record}
 
     def add_observations(self, obs: Any, mask: np.ndarray) -> None:
-        """Store the observations (S, N, *O) where mask (S, N)."""
+        """Store the observations (S, N, *O) where mask (S, N), images if they are to be kept."""
+        if not self._keep_images and any(array.ndim > 3 for array in arrays_of(obs)):
+            mask = np.zeros_like(mask)
         self._stored.append(mask)
         if not self._stores:
             self._stores = [each(ObservationStore, obs) for _ in mask]
