@@ -23,9 +23,10 @@ class CompoundSpace(gymnasium.spaces.MultiDiscrete):
         """
         super().__init__(np.array(sizes, np.int64))
         self.uses = tuple(tuple(map(bool, row)) for row in uses)
-        if np.shape(self.uses) != (sizes[0], len(sizes) - 1):
+        widths = [len(row) for row in self.uses]
+        if widths != [len(sizes) - 1] * sizes[0]:
             raise ValueError(
-                f"expected uses of {sizes[0]} × {len(sizes) - 1}, found {np.shape(self.uses)}"
+                f"expected uses of {sizes[0]} × {len(sizes) - 1}, found rows of {widths}"
             )
 
     def __eq__(self, other: Any) -> bool:

@@ -7,14 +7,17 @@ import odd_envs
 import pytest
 import torch
 from gymnasium.spaces import Box, Dict, MultiDiscrete
+from small_runs import add_teacher
 
 from repaint_cli.compound_space import CompoundSpace, uses_of
-from repaint_cli.errors import CardError
+from repaint_cli.errors import CardError, CheckpointError
+from repaint_cli.learn.rollout.storage import RolloutBuilder
 from repaint_cli.policies.architecture import NetConfig
 from repaint_cli.policies.compound import Compound
 from repaint_cli.policies.distributions import concat_policies, concat_samples, mixture
 from repaint_cli.policies.networks import ActorCritic
 from repaint_cli.policies.spaces import Spaces
+from repaint_cli.zoo.teacher_card import read_card
 
 SIZES = (3, 4, 2)
 USES = ((True, True), (False, False), (True, False))
@@ -86,7 +89,7 @@ def test_a_temperature_softens_every_number():
     policy = compound()
     assert policy.soften(0.4, 1) is policy
     soft = policy.soften(0, 3.0)
-    for part, own in zip(soft.parts, policy.parts, strict=True):
+    for part, own in zip(soft.factors, policy.factors, strict=True):
         torch.testing.assert_close(part, torch.log_softmax(own / 3, -1))
 
 
@@ -95,7 +98,7 @@ def test_commands_that_are_not_available_are_never_chosen_and_gradients_stay_fin
     available[:, :, 0] = 0
     logits = torch.randn(2, 5, sum(SIZES), requires_grad=True)
     policy = Compound.from_logits(logits, SIZES, torch.tensor(USES).float(), available)
-    assert (torch.exp(policy.parts[0])[..., 0] == 0).all()
+    assert (torch.exp(policy.factors[0])[..., 0] == 0).all()
     assert (policy.mode()[..., 0] != 0).all()
     (policy.entropy().sum() + policy.kl(compound(shape=(2, 5))).sum()).backward()
     assert torch.isfinite(logits.grad).all()
@@ -113,7 +116,7 @@ def test_several_teachers_are_one_whose_cross_entropy_is_the_weighted_sum():
     found = weights.sum(0)[:, None] * both.cross_entropy(student)
     torch.testing.assert_close(found, wanted, atol=1e-6, rtol=0)
     torch.testing.assert_close(
-        torch.stack([torch.exp(part).sum(-1) for part in both.parts]),
+        torch.stack([torch.exp(part).sum(-1) for part in both.factors]),
         torch.ones(3, 2, 5, dtype=torch.float64), atol=1e-6, rtol=0,
     )  # fmt: skip
 
@@ -141,8 +144,9 @@ def test_a_space_says_which_numbers_count_with_each_command():
     assert space == CompoundSpace(SIZES, USES)
     assert space != CompoundSpace(SIZES, ((True, True),) * 3)
     assert uses_of(MultiDiscrete([2, 5])) == ((True,), (True,))
-    with pytest.raises(ValueError, match="expected uses of 3 × 2, found"):
-        CompoundSpace(SIZES, USES[:2])
+    for uses in (USES[:2], ((True,), (True, True), (True,))):
+        with pytest.raises(ValueError, match="expected uses of 3 × 2, found rows of"):
+            CompoundSpace(SIZES, uses)
 
 
 SEEN = Dict(
@@ -191,9 +195,51 @@ def test_a_seed_s_policy_does_not_depend_on_its_neighbour():
 
 
 def test_a_policy_may_leave_out_what_is_not_available_or_only_see_it():
-    assert (networks().policy(observed()).parts[0][..., 1] > -10).all()
+    assert (networks().policy(observed()).factors[0][..., 1] > -10).all()
     masked = networks(NET.model_copy(update={"mask": True})).policy(observed())
-    assert (torch.exp(masked.parts[0])[..., 1] == 0).all()
+    assert (torch.exp(masked.factors[0])[..., 1] == 0).all()
+
+
+def test_a_teacher_leaves_out_and_counts_what_its_student_s_task_says():
+    teacher = networks(NET.model_copy(update={"spatial": "all"}))
+    taught = teacher.with_actions_of(NET.model_copy(update={"mask": True})).policy(observed())
+    assert (taught.uses == torch.tensor(USES).float()).all()
+    assert (torch.exp(taught.factors[0])[..., 1] == 0).all()
+    assert (teacher.policy(observed()).uses == 1).all()
+
+
+def test_arrays_of_a_dict_are_stored_by_their_names_in_whatever_order():
+    builder = RolloutBuilder((1, 1), ())
+    for pair in ({"a": 0.0, "b": 1.0}, {"b": 1.0, "a": 0.0}):
+        seen = {name: np.full((1, 1, 2), value, np.float32) for name, value in pair.items()}
+        builder.add_observations(seen, np.ones((1, 1), bool))
+    stores = builder._stores[0]
+    assert stores["a"].tensor().unique().tolist() == [0.0]
+    assert stores["b"].tensor().unique().tolist() == [1.0]
+
+
+WRONG = [
+    ({"sizes": (2, 2)}, "expected sizes with the sum n_actions, 9"),
+    ({"uses": USES[:2]}, "expected a row for each value of the first of sizes"),
+    ({"uses": ((True, True), (True,), (True, True))}, "expected a row for each value"),
+    ({"uses": ()}, "expected a row for each value"),
+    ({"parts": {"map": (12, 12, 1), "odd": (3, 3)}}, "expected vectors and images"),
+    ({"parts": {"numbers": (5,)}}, "expected an image of obs_shape among them"),
+    ({"n_beams": 4}, "among them, and no lidar beside them"),
+]
+
+
+@pytest.mark.parametrize(("changes", "text"), WRONG)
+def test_a_teacher_s_file_with_sizes_that_do_not_go_together_is_refused(tmp_path, changes, text):
+    spaces = Spaces.of(SEEN, CompoundSpace(SIZES, USES))
+    sizes = {"parts": dict(spaces.parts), "sizes": spaces.sizes, "uses": spaces.uses}
+    settings = ["net.conv=[[4,4,2],[8,3,1]]", "net.dense=16", "net.pool=1"]
+    path = add_teacher(
+        tmp_path, task="racer-inner", spaces=spaces, settings=settings, **sizes | changes
+    )
+    with pytest.raises(CheckpointError, match=text) as caught:
+        read_card(path)
+    assert len(str(caught.value)) < 500
 
 
 def test_all_numbers_may_count_as_in_rl_coach():
@@ -208,6 +254,8 @@ def test_spaces_of_several_observations_and_numbers_are_named():
     assert dict(spaces.parts) == spaces.shapes == {n: part.shape for n, part in SEEN.items()}
     vector = Spaces.of(Box(-1.0, 1.0, (4,)), MultiDiscrete([2, 5]))
     assert (vector.sizes, vector.n_actions) == ((2, 5), 7)
+    backwards = Dict([(name, SEEN[name]) for name in reversed(list(SEEN))])
+    assert Spaces.of(backwards, CompoundSpace(SIZES, USES)) == spaces
 
 
 def test_a_mask_needs_to_know_what_is_available():
@@ -216,8 +264,10 @@ def test_a_mask_needs_to_know_what_is_available():
         ActorCritic(
             Spaces.of(seen, CompoundSpace(SIZES, USES)), NET.model_copy(update={"mask": True}), 1
         )
-    with pytest.raises(CardError, match="expected observations in a vector or an image"):
-        Spaces.of(Dict(one=Box(-1.0, 1.0, (4,)), two=Box(-1.0, 1.0, (4,))), MultiDiscrete([2]))
+    numbers = Dict(one=Box(-1.0, 1.0, (4,)), two=Box(-1.0, 1.0, (4,)))
+    for odd in (numbers, Dict(inner=SEEN, screen=SEEN["screen"])):
+        with pytest.raises(CardError, match="or in a Dict of these with an image among them"):
+            Spaces.of(odd, MultiDiscrete([2]))
 
 
 @pytest.mark.parametrize("method", ["repaint", "repaint-joint"])

@@ -100,7 +100,7 @@ SETTINGS = [
      "reports no 'run' in 50 steps; its info has: reward, reward_ctrl, reward_dist"),
     (sets("env.id=Reachr-v5"), "cannot make the environment 'Reachr-v5': .*"),
     (sets("env.id=nothing:Reachr-v5"), "cannot make the environment .*: No module named 'nothing'"),
-    (sets("env.id=FrozenLake-v1"), "expected observations in a vector or an image and actions"),
+    (sets("env.id=FrozenLake-v1"), "expected observations in a vector or an image, .* and actions"),
     (sets("net.kind=cnn"), "net.kind 'cnn' reads an image, the task gives 10 observations"),
     (sets("ppo.n_envs=41", "ppo.continue_episodes=false"),
      "n_steps / ppo.n_envs of at least 51 .*; try --set ppo.n_envs=40"),

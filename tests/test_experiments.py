@@ -377,10 +377,13 @@ def test_a_run_that_was_begun_goes_on_as_slowly_as_its_last_iteration(tmp_path, 
     run = replace(run, card=run.card.with_settings(["ppo.n_iterations=5"]))
     clock = np.tile([3.0, 5.0, 12.0], (2, 1))
     begun = SimpleNamespace(
-        returns=np.zeros((2, 3)), rows={"seconds": clock}, record=SimpleNamespace(state="running")
-    )
+        returns=np.zeros((2, 3)), rows={"seconds": clock},
+        record=SimpleNamespace(state="running", ranked=[SimpleNamespace(seconds=2.5)]),
+    )  # fmt: skip
     monkeypatch.setattr(PlannedRun, "read", lambda _: begun)
     assert seconds_left([run]) == pytest.approx(2 * 7.0 + estimates.RUN_SECONDS)
+    begun.returns, begun.rows = np.zeros((2, 1)), {"seconds": clock[:, :1]}
+    assert seconds_left([run]) == pytest.approx(4 * 0.5 + estimates.RUN_SECONDS)
 
 
 def test_the_command_of_an_experiment_names_its_file_and_its_place(home):

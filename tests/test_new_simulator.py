@@ -85,6 +85,19 @@ def test_every_command_works_on_it(line, repaint):
     assert (line / "out" / "card.json").is_file()
 
 
+def test_a_teacher_that_masks_nothing_teaches_a_student_that_does(line, repaint):
+    if "commands" not in (line / "go.toml").read_text():
+        pytest.skip("there are no commands")
+    unmasked = ["--set", "net.mask=false", "--set", "net.spatial=all"]
+    assert repaint("train-teacher", "--task", "stay.toml", *unmasked).code == 0
+    words = ["--method", "repaint", "--select", "all", "--run", "run"]
+    assert repaint("transfer", "--task", "go.toml", "--teacher", "stay", *words).code == 0
+    heads, *rows = (row.split(",") for row in (line / "run" / "metrics.csv").read_text().split())
+    ratios = [float(row[heads.index("log_ratio")]) for row in rows if row[2] == "instance"]
+    assert len(ratios) == 1
+    assert abs(ratios[0]) < 3  # of commands that the student leaves out it would be -10,000
+
+
 def test_a_term_that_it_cannot_pay_is_refused(line, repaint):
     (line / "odd.toml").write_text((line / "go.toml").read_text().replace("right", "left"))
     repaint("train-teacher", "--task", "stay.toml", "--iterations", 1)

@@ -153,6 +153,21 @@ def test_a_checkpoint_whose_notes_are_nonsense_is_refused(repaint, home, changes
     assert said.err.count("\n") == 1
 
 
+def test_a_run_of_before_a_setting_was_there_goes_on(repaint, home):
+    repaint(*SCRATCH)
+    notes = load(home / "run" / "checkpoint.safetensors")[1]["run"]
+    record = record_of(home / "run")
+    for identity in (notes, record):
+        del identity["task"]["net"]["mask"], identity["transfer"]["start"]
+    rewritten(home / "run" / "checkpoint.safetensors", run=notes)
+    (home / "run" / "run.json").write_text(json.dumps(record))
+    said = repaint("transfer", "--resume", "run", "--iterations", 3)
+    assert said.code == 0, said.err
+    notes["task"]["net"]["hidden"] = [3]
+    rewritten(home / "run" / "checkpoint.safetensors", run=notes)
+    assert "task.net.hidden [3] against" in repaint("transfer", "--resume", "run").err
+
+
 def test_files_that_are_not_the_run_s_are_left_alone(repaint, home):
     repaint(*SCRATCH)
     odd = [".my-notes", "evaluations/7.safetensors", "evaluations/notes.txt"]

@@ -37,7 +37,7 @@ COMMANDS = (
     "repaint train-teacher --task reacher --iterations 1 --name mine",
     "repaint transfer --teacher mine --task reacher --iterations 2",
     "repaint eval",
-    "repaint transfer --teacher racer-inner --task racer-outer --iterations 1 --eval-episodes 1",
+    "repaint transfer --teacher racer-inner --task racer-outer --iterations 1 --eval-episodes 2",
 )
 
 pytestmark = pytest.mark.slow

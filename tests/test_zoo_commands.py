@@ -4,6 +4,7 @@ import json
 import re
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -97,6 +98,7 @@ def test_nobody_to_ask_is_no_yes(home, folder):
     assert (folder / "old-hand.safetensors").is_file()
 
 
+CAMERA = Spaces((120, 160, 1), 10, True)
 SEES = [
     ("reacher", REACHER, ()),
     ("reacher", REACHER, ("net.obs_normalize=false", "net.obs_clip=0.1")),
@@ -104,13 +106,25 @@ SEES = [
     ("racer-inner", Spaces((120, 160, 1), 10, True), ("net.dense=32",)),
     ("racer-inner", Spaces((120, 160, 1), 10, True), ("net.dense=32", "net.precision=bf16")),
     ("racer-avoid", Spaces((120, 160, 1), 10, True, 64), ("net.dense=32",)),
-]
+    ("racer-inner", replace(CAMERA, parts=(("picture", CAMERA.obs_shape),)), ("net.dense=32",)),
+    (
+        "racer-inner",
+        Spaces(
+            (40, 60, 1), 5, True, parts=(("near", (40, 60, 1)), ("numbers", (3,))), sizes=(2, 3),
+            uses=((True,), (False,)),
+        ),
+        ("net.dense=32", "net.conv=[[4,4,2]]"),
+    ),
+]  # fmt: skip
 
 
 @pytest.mark.parametrize(("task", "spaces", "settings"), SEES)
 def test_an_exported_policy_is_the_same_in_onnx(repaint, home, folder, task, spaces, settings):
     onnxruntime = pytest.importorskip("onnxruntime")
-    path = add_teacher(folder, task=task, spaces=spaces, settings=settings, n_beams=spaces.n_beams)
+    path = add_teacher(
+        folder, task=task, spaces=spaces, settings=settings, n_beams=spaces.n_beams,
+        parts=dict(spaces.parts), sizes=spaces.sizes, uses=spaces.uses,
+    )  # fmt: skip
     said = repaint("zoo", "export", "old-hand", "out", "--onnx")
     assert said.code == 0
     assert "wrote out/: old-hand.safetensors, card.json, README.md, old-hand.onnx\n" in said.out
@@ -121,14 +135,14 @@ def test_an_exported_policy_is_the_same_in_onnx(repaint, home, folder, task, spa
     network, _ = store.read_teacher(path)
     rng = np.random.default_rng(0)
     for n in (1, 7):
-        obs = 3 * rng.normal(size=(n, *spaces.obs_shape)).astype(np.float32)
-        if spaces.image:
-            obs = rng.integers(0, 256, obs.shape, dtype=np.uint8)
-        feed = {"obs": obs}
-        seen = torch.from_numpy(obs).unsqueeze(0)
-        if spaces.n_beams:
-            feed["lidar"] = rng.random((n, spaces.n_beams), dtype=np.float32)
-            seen = {"camera": seen, "lidar": torch.from_numpy(feed["lidar"]).unsqueeze(0)}
+        feed, seen = {}, {}
+        for name, shape in spaces.shapes.items():
+            obs = rng.random((n, *shape), dtype=np.float32)
+            if len(shape) == 3:
+                obs = rng.integers(0, 256, obs.shape, dtype=np.uint8)
+            feed["obs" if name in ("", "camera") else name] = obs
+            seen[name] = torch.from_numpy(obs).unsqueeze(0)
+        seen = seen.get("", seen)
         found = session.run(None, feed)
         policy = network.in_precision("float32").policy(seen)  # as every runtime has it
         wanted = [policy.log_probs] if spaces.discrete else [policy.mean, policy.log_std[0]]

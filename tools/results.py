@@ -13,6 +13,8 @@ import textwrap
 from collections.abc import Iterator
 from pathlib import Path
 
+import beside_scratch
+
 from repaint_cli.errors import RepaintError, StoreError
 from repaint_cli.experiments.estimates import hours_of
 from repaint_cli.experiments.files import list_experiments, read_experiment
@@ -137,7 +139,12 @@ def _part(experiment: Experiment, scale: str, panels: list[MeasuredPanel]) -> It
         yield ""
     yield from markdown([row for panel in panels for row in rows_of(panel)], experiment.table)
     yield ""
-    if experiment.gathers and experiment.table == "iterations":
+    if Path(experiment.file).suffix and any("scratch" in panel.runs for panel in panels):
+        yield from beside_scratch.lines(panels)
+        yield ""
+        yield textwrap.fill(f"{beside_scratch.meaning(panels)}.", WIDTH)
+        yield ""
+    if experiment.table == "iterations":
         yield from over_markdown(over_panels(panels))
         yield ""
     note = csv_of(experiment, scale).with_suffix(".md")

@@ -139,7 +139,8 @@ class PlannedRun:
         run = self.read()
         if run is None or not run.returns.shape[1]:
             return None
-        return float(np.diff(run.rows["seconds"][0], prepend=0.0)[-1])
+        played = sum(one.seconds for one in run.record.ranked)
+        return float(np.diff(run.rows["seconds"][0], prepend=played)[-1])
 
 
 @dataclass(frozen=True)

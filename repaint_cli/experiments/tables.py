@@ -38,9 +38,13 @@ def markdown(rows: Sequence[MeasuredRow], kind: str = "rows") -> Iterator[str]:
 
 def heads_of(rows: Iterable[MeasuredRow]) -> Sequence[str]:
     """Return the heads of the columns of rows, which name the paper where it has numbers."""
+    return _named(HEADS, rows)
+
+
+def _named(heads: Sequence[str], rows: Iterable[MeasuredRow]) -> Sequence[str]:
     if any(row.paper for row in rows):
-        return HEADS
-    return [head.removesuffix(" (paper)") for head in HEADS]
+        return heads
+    return [head.removesuffix(" (paper)") for head in heads]
 
 
 OVER_HEADS: Sequence[str] = ("over all panels", "panels", "IQM", "mean", "gap to 1", "P(better)")
@@ -71,7 +75,7 @@ def over_markdown(over: Mapping[str, Aggregated]) -> Iterator[str]:
         yield f"\n{OVER_MEANING}."
 
 
-def summary(rows: Iterable[MeasuredRow], *, time: bool) -> tuple[Sequence[str], list[list[str]]]:
+def summary(rows: Sequence[MeasuredRow], *, time: bool) -> tuple[Sequence[str], list[list[str]]]:
     """Return heads and lines, a line a panel: its target, and K or the time of each variant."""
     panels: dict[tuple[str, str], dict[str, MeasuredRow]] = {}
     for row in rows:
@@ -85,7 +89,8 @@ def summary(rows: Iterable[MeasuredRow], *, time: bool) -> tuple[Sequence[str], 
         arrivals = [_arrival(own[name], time) if name in own else "" for name in variants]
         lines.append([f"{experiment}: {title}", target, *arrivals])
     what = "time" if time else "K"
-    return ("panel", "target (paper)", *(f"{what} {name} (paper)" for name in variants)), lines
+    heads = ("panel", "target (paper)", *(f"{what} {name} (paper)" for name in variants))
+    return _named(heads, rows), lines
 
 
 def _arrival(row: MeasuredRow, time: bool) -> str:

@@ -17,7 +17,7 @@ from repaint_cli.learn.rollout.collect import collect, start
 from repaint_cli.learn.rollout.storage import Rollout
 from repaint_cli.learn.seeding import Purpose, generator
 from repaint_cli.policies.networks import ActorCritic
-from repaint_cli.policies.spaces import Spaces
+from repaint_cli.policies.spaces import Spaces, by_name
 from repaint_cli.tasks.card import TaskCard
 
 EPISODES = 4
@@ -190,11 +190,12 @@ def _oddities(env: RewardTerms, rollout: Rollout, returns: list[float]) -> Itera
     if isinstance(actions, gymnasium.spaces.Box):
         drawn = rollout.actions[rollout.valid].astype(np.float64)  # (B, A)
         yield from _odd_bounds(drawn, actions.low.astype(float), actions.high.astype(float))
-    if len(observations.shape or ()) == 3 and observations.dtype != np.uint8:
-        yield (
-            f"images are of {observations.dtype}; expected uint8, since networks divide their "
-            "pixels by 255"
-        )
+    for space in by_name(observations).values():
+        if len(space.shape or ()) == 3 and space.dtype != np.uint8:
+            yield (
+                f"images are of {space.dtype}; expected uint8, since networks divide their pixels "
+                "by 255"
+            )
     if not returns:
         return
     if np.abs(returns).max() > LARGE_RETURN:

@@ -49,7 +49,7 @@ class NetConfig(Settings):
     """log σ that a policy begins with; continuous actions."""
     obs_normalize: bool = True
     """Whether vectors are normalised by their running mean and deviation; false leaves them as they
-    are, and then neither `obs_clip` nor `obs_min_std` counts."""
+    are, as those beside images always are, and then neither `obs_clip` nor `obs_min_std` counts."""
     obs_clip: PositiveFloat | Literal["none"] = 5.0
     """Normalised vectors are clipped to ± this."""
     obs_min_std: float = Field(0.1, ge=0)

@@ -16,8 +16,6 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from repaint_cli.symmetry import SignedPermutation
-
 if TYPE_CHECKING:
     from repaint_cli.policies.distributions import Distribution
 
@@ -40,7 +38,10 @@ class Compound:
     def from_logits(
         cls, logits: Tensor, sizes: tuple[int, ...], uses: Tensor, available: Tensor | None = None
     ) -> "Compound":
-        """Normalise logits (S, B, A); commands that are not available, (S, B, C), are left out."""
+        """Normalise logits (S, B, A); commands that are not available, (S, B, C), are left out.
+
+        Where none is available all are as likely.
+        """
         first, *rest = logits.split_with_sizes(sizes, -1)
         if available is not None:
             first = first.masked_fill(available == 0, HIDDEN)
@@ -53,7 +54,7 @@ class Compound:
         return self.log_probs.shape[-1]
 
     @property
-    def parts(self) -> tuple[Tensor, ...]:
+    def factors(self) -> tuple[Tensor, ...]:
         """The log π_p(·|s) of each number, (P,) of (S, B, size)."""
         return self.log_probs.split_with_sizes(self.sizes, -1)
 
@@ -61,7 +62,7 @@ class Compound:
         """Return log π(a|s), (S, B), of actions (S, B, P) int64."""
         chosen = [
             part.gather(-1, number.unsqueeze(-1)).squeeze(-1)
-            for part, number in zip(self.parts, actions.unbind(-1), strict=True)
+            for part, number in zip(self.factors, actions.unbind(-1), strict=True)
         ]
         weights = self.uses[actions[..., 0]]  # (S, B, P − 1)
         return self._total(chosen, weights)
@@ -78,13 +79,13 @@ class Compound:
         assert isinstance(other, Compound)
         terms = [
             -(torch.exp(own) * others).sum(-1)
-            for own, others in zip(self.parts, other.parts, strict=True)
+            for own, others in zip(self.factors, other.factors, strict=True)
         ]
         return self._total(terms, self.chances_of_use())
 
     def chances_of_use(self) -> Tensor:
         """Return U, how likely each further number counts, (S, B, P − 1)."""
-        return torch.exp(self.parts[0]) @ self.uses
+        return torch.exp(self.factors[0]) @ self.uses
 
     @staticmethod
     def _total(terms: Sequence[Tensor], weights: Tensor) -> Tensor:
@@ -117,10 +118,6 @@ class Compound:
             return self
         return self.from_logits(self.log_probs / temperature, self.sizes, self.uses)
 
-    def mirrored(self, actions: SignedPermutation) -> "Compound":
-        """Return the distribution of mirrored actions, whose values are numbered through."""
-        return replace(self, log_probs=actions(self.log_probs))
-
     @staticmethod
     def noise(rng: np.random.Generator, shape: tuple[int, ...]) -> np.ndarray:
         """Draw the noise that `sample` takes."""
@@ -143,10 +140,11 @@ def mixture_of_compounds(parts: Sequence[Compound], shares: Tensor) -> Compound:
         T_p = Σᵢ wᵢ·U_pᵢ·T_pᵢ / Σᵢ wᵢ·U_pᵢ
 
     Args:
-        parts: M teachers at the same samples.
+        parts: M teachers at the same samples, of whose actions the same numbers count.
         shares: w of each, (M, S, 1, 1), with the sum 1.
     """
-    first, *rest = zip(*(part.parts for part in parts), strict=True)
+    assert all(torch.equal(part.uses, parts[0].uses) for part in parts)
+    first, *rest = zip(*(part.factors for part in parts), strict=True)
     chances = torch.stack([part.chances_of_use() for part in parts])  # (M, S, B, P − 1)
     mixed = [torch.logsumexp(torch.stack(list(first)) + shares.log(), 0)]
     for weights, number in _with_weights(rest, chances * shares):

@@ -68,9 +68,6 @@ class ActorCritic:
                 n_seeds, spaces.obs_shape[0], clip, net.obs_min_std, active=net.obs_normalize
             )
         )  # fmt: skip
-        uses = torch.tensor(spaces.uses, dtype=torch.float32)
-        counts_all = net.spatial == "all" or not spaces.sizes
-        self._uses = torch.ones_like(uses) if counts_all else uses
         self._frozen = self._detached()
         self._seeds = [self.alone(s) for s in range(n_seeds)] if n_seeds > 1 else []
 
@@ -94,10 +91,23 @@ class ActorCritic:
 
     def in_precision(self, precision: Literal["float32", "bf16", "auto"]) -> "ActorCritic":
         """Return these networks computing in another precision, in the same memory."""
+        return self._with(precision=precision)
+
+    def with_actions_of(self, net: NetConfig) -> "ActorCritic":
+        """Return these networks with the actions that others leave out or count, in this memory."""
+        return self._with(mask=net.mask, spatial=net.spatial)
+
+    def _with(self, **settings: Any) -> "ActorCritic":
         other = copy(self)
-        other.net = resolved(self.net.model_copy(update={"precision": precision}))
-        other._seeds = [one.in_precision(precision) for one in self._seeds]
+        other.net = resolved(self.net.model_copy(update=settings))
+        other._seeds = [one._with(**settings) for one in self._seeds]
         return other
+
+    @property
+    def _uses(self) -> Tensor:
+        """Which numbers of a compound action count with each command, (C, P − 1)."""
+        uses = torch.tensor(self.spaces.uses, dtype=torch.float32)
+        return torch.ones_like(uses) if self.net.spatial == "all" else uses
 
     @property
     def _dtype(self) -> torch.dtype:

@@ -25,8 +25,8 @@ class Spaces:
     n_beams: int = 0
     """Ranges of a lidar that come with an image; 0 without one."""
     parts: tuple[tuple[str, tuple[int, ...]], ...] = ()
-    """Several images and vectors by name, with their shapes; none where there is one image, with a
-    lidar or not, or one vector."""
+    """Several images and vectors by name, in its order, with their shapes; none where there is one
+    image, with a lidar or not, or one vector."""
     sizes: tuple[int, ...] = ()
     """Of each number of a compound action, (P,)."""
     uses: tuple[tuple[bool, ...], ...] = ()
@@ -40,16 +40,15 @@ class Spaces:
             CardError: the observations are no vector or image, nor several of them with an image
                 among them, or the actions no vector, Discrete or MultiDiscrete from 0.
         """
-        if isinstance(obs, Dict) and obs.keys() == {"camera", "lidar"}:
-            image, ranges = cls.of(obs["camera"], action), cls.of(obs["lidar"], action)
-            return replace(image, n_beams=ranges.obs_shape[0])
-        if isinstance(obs, Dict):
-            named = {name: cls.of(part, action).obs_shape for name, part in obs.items()}
-            first = next((part for name, part in obs.items() if len(named[name]) == 3), None)
+        if isinstance(obs, Dict) and all(_is_array(part) for part in obs.values()):
+            named = {str(name): part.shape or () for name, part in sorted(obs.items())}
+            first = next((obs[name] for name, shape in named.items() if len(shape) == 3), None)
+            if named.keys() == {"camera", "lidar"} and len(named["lidar"]) == 1:
+                return replace(cls.of(obs["camera"], action), n_beams=named["lidar"][0])
             if first is not None:
                 return replace(cls.of(first, action), parts=tuple(named.items()))
         shape = obs.shape
-        if isinstance(obs, Box) and shape is not None and len(shape) in (1, 3):
+        if _is_array(obs) and shape is not None:
             if isinstance(action, Discrete) and action.start == 0:
                 return cls(shape, int(action.n), True)
             if isinstance(action, Box) and len(action.shape) == 1:
@@ -62,8 +61,9 @@ class Spaces:
                 sizes = tuple(action.nvec.tolist())
                 return cls(shape, sum(sizes), True, sizes=sizes, uses=uses_of(action))
         raise CardError(
-            "expected observations in a vector or an image and actions in a vector, Discrete or "
-            f"MultiDiscrete, found {obs} and {action}"
+            "expected observations in a vector or an image, or in a Dict of these with an image "
+            f"among them, and actions in a vector, Discrete or MultiDiscrete, found {obs} and "
+            f"{action}"
         )
 
     @property
@@ -79,11 +79,16 @@ class Spaces:
         return dict(self.parts) or {"": self.obs_shape}
 
     def __str__(self) -> str:
-        shapes = self.shapes.values()
-        size = " + ".join("×".join(str(n) for n in shape) for shape in shapes)
+        named = [("×".join(map(str, shape)), name) for name, shape in self.shapes.items()]
+        size = " + ".join(f"{name} {shape}" if self.parts else shape for shape, name in named)
         kind = "discrete" if self.discrete else "continuous"
         n_actions = "×".join(map(str, self.sizes)) or str(self.n_actions)
         return f"{size} observations and {n_actions} {kind} actions"
+
+
+def _is_array(space: Any) -> bool:
+    """Return whether a space is of vectors or images."""
+    return isinstance(space, Box) and len(space.shape) in (1, 3)
 
 
 def by_name(obs: Any) -> dict[str, Any]:

@@ -7,10 +7,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from pydantic import ValidationError
 from torch import Tensor
 
 from repaint_cli import __version__
-from repaint_cli.errors import CheckpointError
+from repaint_cli.errors import CardError, CheckpointError
 from repaint_cli.files.atomic import atomic_write
 from repaint_cli.learn.learner import Learner
 from repaint_cli.learn.rollout.reward_scale import RewardScale
@@ -25,6 +26,8 @@ from repaint_cli.runs.metrics import cut_csv
 from repaint_cli.runs.plan import Plan, difference
 from repaint_cli.runs.progress import RunProgress
 from repaint_cli.runs.teachers import RunTeachers
+from repaint_cli.tasks.card import TaskCard
+from repaint_cli.tasks.transfer_settings import TransferConfig
 
 NETWORKS = "net/"
 """Prefix of the leaves of policies and critics."""
@@ -178,12 +181,27 @@ def _check_identity(
     Raises:
         CheckpointError: the checkpoint is of another run.
     """
-    text = difference(notes.get("run"), plan.identity(teachers))
+    text = difference(_with_defaults(notes.get("run")), plan.identity(teachers))
     if text:
         raise CheckpointError(
             f"{path} is of another run than run.json beside it: {text}; put back the one or the "
             "other"
         )
+
+
+def _with_defaults(identity: Any) -> Any:
+    """Return what identifies a run, with the defaults of settings that came after it."""
+    if not isinstance(identity, Mapping):
+        return identity
+    try:
+        task, transfer = dict(identity["task"]), identity["transfer"]
+        task["ppo"] = {**task["ppo"], "n_iterations": 1}  # which does not belong to it
+        whole = TaskCard.parse(task, "a checkpoint").model_dump(mode="json")
+        whole["ppo"]["n_iterations"] = None
+        known = TransferConfig.model_validate(transfer).model_dump(mode="json")
+    except (CardError, ValidationError, LookupError, TypeError):
+        return identity  # a setting of another version, which the difference names
+    return {**identity, "task": whole, "transfer": known}
 
 
 def settle(plan: Plan, progress: RunProgress, k: int) -> None:

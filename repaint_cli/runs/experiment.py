@@ -92,7 +92,8 @@ class Experiment:
                 f"the variables of {code.name} begin anew; if it remembers anything from step to "
                 "step, this is another run from here on than one without a stop"
             )
-        experiment.progress = progress
+        if k:  # else it begins anew, after what teachers played
+            experiment.progress = progress
         return experiment
 
     @classmethod

@@ -152,6 +152,7 @@ class Task(Settings):
         Raises:
             CardError: its numbers are not those of these spaces.
         """
+        assert not (self.env.symmetries() and (spaces.sizes or spaces.parts)), "not mirrored yet"
         if self.symmetry:
             self.symmetry.check_fits(spaces)
 

@@ -73,7 +73,8 @@ class _Policy(torch.nn.Module):
         """Return mean (B, A) and log σ (A,), or log π (B, A), for observations (B, *O)."""
         names = self._network.spaces.shapes
         batch = {name: x.unsqueeze(0) for name, x in zip(names, obs, strict=True)}
-        distribution = self._network.policy(batch if len(batch) > 1 else batch[""])
+        only = batch.get("")
+        distribution = self._network.policy(batch if only is None else only)
         if isinstance(distribution, Gaussian):
             return distribution.mean.squeeze(0), distribution.log_std.reshape(-1)
         return (distribution.log_probs.squeeze(0),)

@@ -233,7 +233,8 @@ def fitting(task: TaskCard, spaces: "Spaces") -> Iterator[str]:
 def mismatch(card: TeacherCard, task: TaskCard, spaces: "Spaces") -> str | None:
     """Return why a teacher does not fit a task, or None."""
     if card.spaces != spaces:
-        return f"teacher '{card.name}' has {card.spaces}, task '{task.name}' has {spaces}"
+        of_which = ", of which others count" if str(card.spaces) == str(spaces) else ""
+        return f"teacher '{card.name}' has {card.spaces}, task '{task.name}' has {spaces}{of_which}"
     choices = card.task.env.choices, task.env.choices
     if choices[0] != choices[1]:
         same = sorted(choices[0] or ()) == sorted(choices[1] or ())

@@ -9,6 +9,7 @@ from pydantic import (
     NonNegativeInt,
     PositiveInt,
     ValidationError,
+    ValidationInfo,
     field_validator,
     model_validator,
 )
@@ -75,7 +76,7 @@ class TeacherCard(Settings):
     """Shapes of several images and vectors by name, where observations are that."""
     sizes: tuple[PositiveInt, ...] = ()
     """Of each number of a compound action."""
-    uses: tuple[tuple[bool, ...], ...] = ()
+    uses: tuple[tuple[bool, ...], ...] = Field(default=(), validate_default=True)
     """Which of its numbers count, with each value of the first."""
     algorithm: str = "ppo"
     """That trained it; the policy of q-learning has Q for its logits, and no critic."""
@@ -120,6 +121,33 @@ class TeacherCard(Settings):
         if len(shape) not in (1, 3):
             raise ValueError("expected the size of a vector, or the three of an image")
         return shape
+
+    @field_validator("parts")
+    @classmethod
+    def _vectors_and_images(
+        cls, parts: dict[str, tuple[int, ...]], info: ValidationInfo
+    ) -> dict[str, tuple[int, ...]]:
+        """Refuse parts that no networks read."""
+        if any(len(shape) not in (1, 3) for shape in parts.values()):
+            raise ValueError("expected vectors and images")
+        images = [shape for shape in parts.values() if len(shape) == 3]
+        if info.data.get("n_beams") or info.data.get("obs_shape") not in images:
+            raise ValueError("expected an image of obs_shape among them, and no lidar beside them")
+        return parts
+
+    @field_validator("uses")
+    @classmethod
+    def _of_its_sizes(
+        cls, uses: tuple[tuple[bool, ...], ...], info: ValidationInfo
+    ) -> tuple[tuple[bool, ...], ...]:
+        """Refuse sizes and uses that do not go together."""
+        sizes, n_actions = info.data.get("sizes", ()), info.data.get("n_actions")
+        if sizes and sum(sizes) != n_actions:
+            raise ValueError(f"expected sizes with the sum n_actions, {n_actions}, beside it")
+        rows = [len(row) for row in uses]
+        if rows != ([len(sizes) - 1] * sizes[0] if sizes else []):
+            raise ValueError("expected a row for each value of the first of sizes")
+        return uses
 
     @property
     def spaces(self) -> "Spaces":

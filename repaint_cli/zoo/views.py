@@ -61,13 +61,14 @@ def symmetry_of(name: str, teacher: TaskCard, view: str, task: TaskCard) -> Symm
 
 
 def view_of(network: ActorCritic, card: TeacherCard, file: TeacherFile, task: TaskCard) -> View:
-    """Return a teacher as it is looked at in a task.
+    """Return a teacher as it is looked at in a task, whose `net.mask` and `net.spatial` count.
 
     Raises:
         As `symmetry_of`.
     """
     name = store.to_type(file.path, card)
     symmetry = symmetry_of(name, card.task, file.view, task)
+    network = network.with_actions_of(task.net)
     if symmetry is None:
         return View(network, network)
     reflected = mirrored(network, symmetry)

@@ -15,6 +15,7 @@ from repaint_cli.learn.rollout.observations import (
     each,
 )
 from repaint_cli.policies.distributions import Distribution, concat_samples
+from repaint_cli.policies.spaces import by_name
 
 
 @dataclass(frozen=True)
@@ -126,8 +127,8 @@ class RolloutBuilder:
         if not self._stores:
             self._stores = [each(ObservationStore, obs) for _ in mask]
         for s, row in enumerate(mask):
-            for store, array in zip(arrays_of(self._stores[s]), arrays_of(obs), strict=True):
-                store.append(array[s, row])
+            for name, array in by_name(obs).items():
+                by_name(self._stores[s])[name].append(array[s, row])
 
     def add_step(
         self, envs: Any, distribution: Distribution, info: dict[str, Any], *step: np.ndarray

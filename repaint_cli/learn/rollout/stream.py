@@ -12,10 +12,10 @@ from repaint_cli.envs.reward_terms import RewardTerms
 from repaint_cli.envs.simulator import BegunEpisode
 from repaint_cli.errors import CardError
 from repaint_cli.learn.rollout.collect import Policy, clip, collect, start
-from repaint_cli.learn.rollout.observations import arrays_of
 from repaint_cli.learn.rollout.storage import Rollout
 from repaint_cli.learn.seeding import Purpose, env_seeds
 from repaint_cli.learn.states import below
+from repaint_cli.policies.spaces import by_name
 from repaint_cli.tasks.card import TaskCard
 
 
@@ -139,8 +139,8 @@ class Stream:
         except CardError:  # an environment that goes another way may fail at any action
             env.close()
             return False
-        pairs = zip(arrays_of(obs), arrays_of(self.obs), strict=True)
-        if not all(np.array_equal(shown, before) for shown, before in pairs):
+        before = by_name(self.obs)
+        if not all(np.array_equal(shown, before[name]) for name, shown in by_name(obs).items()):
             env.close()
             return False
         self.env = env
