@@ -131,7 +131,7 @@ class TeacherCard(Settings):
         if any(len(shape) not in (1, 3) for shape in parts.values()):
             raise ValueError("expected vectors and images")
         images = [shape for shape in parts.values() if len(shape) == 3]
-        if info.data.get("n_beams") or info.data.get("obs_shape") not in images:
+        if parts and (info.data.get("n_beams") or info.data.get("obs_shape") not in images):
             raise ValueError("expected an image of obs_shape among them, and no lidar beside them")
         return parts
 
