@@ -33,6 +33,7 @@ def contents(folder):
     record = {k: v for k, v in record_of(folder).items() if k not in ("seconds", "teachers")}
     for one in record["ranked"]:
         one["name"] = Path(one["name"]).name  # beside which folder they lie differs
+        del one["seconds"]
     return {
         "tables": {str(p.relative_to(folder)): table(p) for p in sorted(folder.rglob("*.csv"))},
         "tensors": bits(tensors), "notes": notes, "best": bits(best),
