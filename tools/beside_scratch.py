@@ -38,7 +38,9 @@ def lines(panels: list[MeasuredPanel]) -> Iterator[str]:
 
 def meaning(panels: list[MeasuredPanel]) -> str:
     """Return what the columns mean."""
-    return MEANING.format(steps=FIRST_STEPS.get(panels[0].experiment, 0))
+    steps = FIRST_STEPS.get(panels[0].experiment, 0)
+    text = MEANING.format(steps=steps)
+    return text if steps else text.replace(text[text.index("first steps") : text.index("last:")], "")
 
 
 def _rows(panel: MeasuredPanel, steps: int) -> Iterator[list[str]]:
