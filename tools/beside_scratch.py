@@ -40,7 +40,8 @@ def meaning(panels: list[MeasuredPanel]) -> str:
     """Return what the columns mean."""
     steps = FIRST_STEPS.get(panels[0].experiment, 0)
     text = MEANING.format(steps=steps)
-    return text if steps else text.replace(text[text.index("first steps") : text.index("last:")], "")
+    before, _, after = text.partition("first steps")
+    return text if steps else before + after[after.index("last:") :]
 
 
 def _rows(panel: MeasuredPanel, steps: int) -> Iterator[list[str]]:
