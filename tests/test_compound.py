@@ -9,7 +9,7 @@ import torch
 from gymnasium.spaces import Box, Dict, MultiDiscrete
 from small_runs import add_teacher
 
-from repaint_cli.compound_space import CompoundSpace, uses_of
+from repaint_cli.envs.compound_space import CompoundSpace
 from repaint_cli.errors import CardError, CheckpointError
 from repaint_cli.learn.rollout.storage import RolloutBuilder
 from repaint_cli.policies.architecture import NetConfig
@@ -17,6 +17,7 @@ from repaint_cli.policies.compound import Compound
 from repaint_cli.policies.distributions import concat_policies, concat_samples, mixture
 from repaint_cli.policies.networks import ActorCritic
 from repaint_cli.policies.spaces import Spaces
+from repaint_cli.tasks.card_files import read_task
 from repaint_cli.zoo.teacher_card import read_card
 
 SIZES = (3, 4, 2)
@@ -139,11 +140,12 @@ def test_parts_of_a_batch_are_parts_of_the_distribution():
 
 def test_a_space_says_which_numbers_count_with_each_command():
     space = CompoundSpace(SIZES, USES)
-    assert uses_of(space) == USES
+    assert Spaces.of(Box(-1.0, 1.0, (2,)), space).uses == USES
     assert space.contains(space.sample())
     assert space == CompoundSpace(SIZES, USES)
     assert space != CompoundSpace(SIZES, ((True, True),) * 3)
-    assert uses_of(MultiDiscrete([2, 5])) == ((True,), (True,))
+    assert space != MultiDiscrete(SIZES)
+    assert Spaces.of(Box(-1.0, 1.0, (2,)), MultiDiscrete([2, 5])).uses == ((True,), (True,))
     for uses in (USES[:2], ((True,), (True, True), (True,))):
         with pytest.raises(ValueError, match="expected uses of 3 × 2, found rows of"):
             CompoundSpace(SIZES, uses)
@@ -256,6 +258,12 @@ def test_spaces_of_several_observations_and_numbers_are_named():
     assert (vector.sizes, vector.n_actions) == ((2, 5), 7)
     backwards = Dict([(name, SEEN[name]) for name in reversed(list(SEEN))])
     assert Spaces.of(backwards, CompoundSpace(SIZES, USES)) == spaces
+
+
+def test_a_simulator_with_a_symmetry_has_one_observation_and_one_number():
+    spaces = Spaces.of(SEEN, CompoundSpace(SIZES, USES))
+    with pytest.raises(CardError, match="expected one observation and one number to mirror"):
+        read_task("racer-inner").check_symmetry(spaces)
 
 
 def test_a_mask_needs_to_know_what_is_available():

@@ -361,13 +361,8 @@ def test_the_three_layers_by_name_are_the_default():
     assert NetConfig(kind="cnn", conv="3-layer").conv_torso == NetConfig(kind="cnn").conv_torso
 
 
-@pytest.mark.parametrize(
-    ("name", "shared"),
-    [
-        ("4-layer", False), ("4-layer", True), ("5-layer", False),
-        pytest.param("5-layer", True, marks=pytest.mark.slow),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize("shared", [False, True])
+@pytest.mark.parametrize("name", ["4-layer", "5-layer"])
 def test_a_deeper_network_learns_in_every_layer(name, shared):
     student = drawn(STEREO, NetConfig(kind="cnn", conv=name, shared=shared))
     start, n = student.storage.clone(), 6

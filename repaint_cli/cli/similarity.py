@@ -12,6 +12,18 @@ if TYPE_CHECKING:
     from repaint_cli.zoo.ranking import Ranking
 
 
+Measure = Annotated[
+    bool,
+    option(
+        OPTIONS,
+        None,
+        "Let the first, a teacher, play the second, a task: 20 episodes in each view, as in "
+        "repaint zoo rank.",
+        "--measure",
+    ),
+]
+
+
 def similarity(
     names: Annotated[
         list[str] | None,
@@ -21,16 +33,7 @@ def similarity(
             autocompletion=completion.tasks_and_teachers,
         ),
     ] = None,
-    measure: Annotated[
-        bool,
-        option(
-            OPTIONS,
-            None,
-            "Let the first, a teacher, play the second, a task: 20 episodes in each view, as in "
-            "repaint zoo rank.",
-            "--measure",
-        ),
-    ] = False,
+    measure: Measure = False,
     as_json: AsJson = False,
 ) -> None:
     """Compare tasks by the cosine of their reward weights.

@@ -121,7 +121,8 @@ class TransferOptions(NamedTuple):
             None,
             "Let what is measured decide how to use the teacher, but for what other options say. "
             "The default where none of this kind is given, nor --instances-from, "
-            "--transfer-iterations, or --set of transfer, select or ppo.objective.",
+            "--transfer-iterations, or --set of transfer (but transfer.teacher_episodes), select "
+            "or ppo.objective.",
             "--auto",
         ),
         Rule(methods=KICKSTART & ALTERNATING),

@@ -7,7 +7,6 @@ from typing import Any
 import gymnasium
 from gymnasium.spaces import Box, Dict, Discrete, MultiDiscrete
 
-from repaint_cli.compound_space import uses_of
 from repaint_cli.errors import CardError
 
 
@@ -59,7 +58,7 @@ class Spaces:
                 and not action.start.any()
             ):
                 sizes = tuple(action.nvec.tolist())
-                return cls(shape, sum(sizes), True, sizes=sizes, uses=uses_of(action))
+                return cls(shape, sum(sizes), True, sizes=sizes, uses=_uses(action))
         raise CardError(
             "expected observations in a vector or an image, or in a Dict of these with an image "
             f"among them, and actions in a vector, Discrete or MultiDiscrete, found {obs} and "
@@ -84,6 +83,16 @@ class Spaces:
         kind = "discrete" if self.discrete else "continuous"
         n_actions = "×".join(map(str, self.sizes)) or str(self.n_actions)
         return f"{size} observations and {n_actions} {kind} actions"
+
+
+def _uses(space: MultiDiscrete) -> tuple[tuple[bool, ...], ...]:
+    """Return which numbers beside the first count with each value of the first, (C, P − 1).
+
+    All do, unless the space says otherwise, as `envs.compound_space.CompoundSpace` does.
+    """
+    n_first, n_rest = int(space.nvec[0]), len(space.nvec) - 1
+    uses: tuple[tuple[bool, ...], ...] = getattr(space, "uses", ((True,) * n_rest,) * n_first)
+    return uses
 
 
 def _is_array(space: Any) -> bool:

@@ -19,6 +19,7 @@ from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from repaint_cli.envs.registry import simulator_class
 from repaint_cli.envs.simulator import Simulator
+from repaint_cli.errors import CardError
 from repaint_cli.settings import EvalConfig, Settings
 from repaint_cli.symmetry import Symmetry
 from repaint_cli.tasks.symmetry import SymmetryConfig
@@ -150,9 +151,11 @@ class Task(Settings):
         """Check that the symmetry that the card names, if it does, fits its environment.
 
         Raises:
-            CardError: its numbers are not those of these spaces.
+            CardError: its numbers are not those of these spaces, or several observations or numbers
+                of an action would have to be mirrored.
         """
-        assert not (self.env.symmetries() and (spaces.sizes or spaces.parts)), "not mirrored yet"
+        if (spaces.sizes or spaces.parts) and self.env.symmetries():
+            raise CardError(f"expected one observation and one number to mirror, found {spaces}")
         if self.symmetry:
             self.symmetry.check_fits(spaces)
 

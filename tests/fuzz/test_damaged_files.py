@@ -28,7 +28,7 @@ from repaint_cli.zoo import store
 
 HUGE = 8 * 2**30
 """Bytes of a file that must not be read in; it has a hole for most of them."""
-FAST, THOROUGH = 300, 20_000
+FAST, THOROUGH = 500, 20_000
 """Spoiled files."""
 
 

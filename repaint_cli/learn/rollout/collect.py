@@ -90,8 +90,7 @@ def collect(
         ended: where an episode ended before the first step, which begins another, (S, N).
         greedy: take the most likely action instead of a sample.
         record: further numbers to keep from `info`.
-        keep_images: whether the rollout has its observations where they are images: an episode of
-            them may take 150 MB.
+        keep_images: whether to keep observations that are images, up to 150 MB an episode.
 
     Raises:
         DivergedError: an observation or a reward is not finite.

@@ -30,14 +30,6 @@ class CompoundSpace(gymnasium.spaces.MultiDiscrete):
             )
 
     def __eq__(self, other: Any) -> bool:
-        return super().__eq__(other) and self.uses == uses_of(other)
+        return super().__eq__(other) and self.uses == getattr(other, "uses", None)
 
     __hash__ = None  # type: ignore[assignment]
-
-
-def uses_of(space: gymnasium.spaces.MultiDiscrete) -> tuple[tuple[bool, ...], ...]:
-    """Return which numbers beside the first count with each value of the first, (C, P − 1)."""
-    if isinstance(space, CompoundSpace):
-        return space.uses
-    n_first, n_rest = int(space.nvec[0]), len(space.nvec) - 1
-    return ((True,) * n_rest,) * n_first
