@@ -19,7 +19,7 @@ from repaint_cli.errors import CheckpointError, NotFound, StoreError
 from repaint_cli.files.paths import PACKAGE
 
 sys.path.append(str(Path(__file__).parents[1] / "tools"))
-import finished_runs  # noqa: E402
+import finished_runs
 
 SMOKE = ["--scale", "smoke"]
 
