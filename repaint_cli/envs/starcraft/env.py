@@ -135,7 +135,7 @@ class StarCraftVectorEnv(VectorEnv[Any, NDArray[np.int64], Any]):
             first[i] = self._draw(i) if one is None else one
         rows = np.arange(self.num_envs)
         self._begin(rows, first)
-        self._look(rows)
+        self._seen = self._engine.observe(None, self._seen)
         return self._observation(), self._infos(np.zeros((self.num_envs, len(TERMS))))
 
     def step(self, actions: NDArray[np.int64]) -> tuple[Any, Floats, Flags, Flags, Infos]:
@@ -161,9 +161,10 @@ class StarCraftVectorEnv(VectorEnv[Any, NDArray[np.int64], Any]):
         if not self._stops:
             rows = np.flatnonzero(over)
             self._begin(rows, np.array([self._draw(row) for row in rows], np.int64))
-            over = np.zeros_like(over)
-        self._ended = over | terminated | truncated
-        self._look(np.flatnonzero(~over))
+            self._ended = terminated | truncated
+        else:
+            self._ended = over | terminated | truncated
+        self._seen = self._engine.observe(None, self._seen)
         infos = self._infos(terms.astype(np.float64))
         return self._observation(), terms.sum(1, np.float64), terminated, truncated, infos
 
@@ -181,14 +182,6 @@ class StarCraftVectorEnv(VectorEnv[Any, NDArray[np.int64], Any]):
             self._engine.reset(seeds, rows)
             self._reports.begin(rows)
         self._ended[rows] = False
-
-    def _look(self, rows: Rows) -> None:
-        """See what there is in these environments (K,); in the others all is as it was."""
-        if len(rows) == self.num_envs:
-            self._seen = self._engine.observe(rows, self._seen)
-        elif len(rows):
-            for whole, part in zip(self._seen, self._engine.observe(rows), strict=True):
-                whole[rows] = part
 
     def _observation(self) -> dict[str, np.ndarray]:
         """Return what is seen, as new arrays."""
