@@ -1,0 +1,1 @@
+"""StarCraft II: a small, fast model of its economy and fights."""
