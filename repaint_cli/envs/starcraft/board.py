@@ -90,7 +90,13 @@ def counters(numbers: Sequence[tuple[str, str]], width: int, height: int) -> Ima
     for i, (name, number) in enumerate(numbers):
         x = (i + 0.5) * column
         pen.text((x, height * 0.3), name, GREY, font(13), anchor="mm")
-        pen.text((x, height * 0.7), number.replace("-", "−"), style.INK, _fit(number, column), anchor="mm")
+        pen.text(
+            (x, height * 0.7),
+            number.replace("-", "−"),
+            style.INK,
+            _fit(number, column),
+            anchor="mm",
+        )
     return picture
 
 

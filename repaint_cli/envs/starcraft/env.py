@@ -48,7 +48,9 @@ def observation_space(layers: str = "terran") -> Dict:
 
 def picture_names(layers: str) -> tuple[str, str]:
     """Return the names of the two pictures: a policy of other layers has others, and is refused."""
-    return ("screen", "minimap") if layers == "terran" else (f"screen-{layers}", f"minimap-{layers}")
+    return (
+        ("screen", "minimap") if layers == "terran" else (f"screen-{layers}", f"minimap-{layers}")
+    )
 
 
 class StarCraftVectorEnv(VectorEnv[Any, NDArray[np.int64], Any]):
@@ -59,8 +61,8 @@ class StarCraftVectorEnv(VectorEnv[Any, NDArray[np.int64], Any]):
     used, food there is, SCVs, marines, each scaled to about 0 to 1; and `available`, (7,) float32:
     1 where a command can be carried out.
 
-    **Actions** CompoundSpace(7, 84, 84): a command of `constants.COMMANDS`, and the column and the row
-    of a pixel on the screen, which count for commands that need a point.
+    **Actions** CompoundSpace(7, 84, 84): a command of `constants.COMMANDS`, and the column and the
+    row of a pixel on the screen, which count for commands that need a point.
 
     **Reward** the sum of all terms, unweighed; tasks weigh the terms in the infos.
 

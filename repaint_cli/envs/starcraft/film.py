@@ -43,9 +43,7 @@ def film(
     write_video(frames, path, FPS)
 
 
-def frames_of(
-    env: StarCraftSimulator, episodes: Episodes, e: int, title: str
-) -> Iterator[Frame]:
+def frames_of(env: StarCraftSimulator, episodes: Episodes, e: int, title: str) -> Iterator[Frame]:
     """Yield a frame for each step of an episode of the first seed, (H, W, 3)."""
     n_steps = int(episodes.lengths[0, e])
     actions = episodes.actions[:n_steps, 0, e].astype(np.int16)
@@ -81,9 +79,7 @@ def _still(env: StarCraftSimulator, title: str) -> Image.Image:
     return frame
 
 
-def _numbers(
-    row: np.void, measurements: np.ndarray, total: float
-) -> list[tuple[str, str]]:
+def _numbers(row: np.void, measurements: np.ndarray, total: float) -> list[tuple[str, str]]:
     """Return the names and texts of the counters of a step."""
     seconds = int(row["loop"]) // LOOPS_PER_SECOND
     now = dict(zip(MEASUREMENTS, measurements.tolist(), strict=True))

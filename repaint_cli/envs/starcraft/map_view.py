@@ -87,7 +87,9 @@ class MapView:
             cells = Image.fromarray(np.where(visibility[::-1] == what, 255, 0).astype(np.uint8))
             mask = Image.new("L", picture.size)
             mask.paste(cells.resize((size, size), Image.Resampling.BILINEAR), place)
-            picture.paste(colour, (0, 0), Image.composite(mask, Image.new("L", mask.size), self._inside()))
+            picture.paste(
+                colour, (0, 0), Image.composite(mask, Image.new("L", mask.size), self._inside())
+            )
 
     def _inside(self) -> Image.Image:
         """Return a mask of what can be played on."""
@@ -131,7 +133,9 @@ class MapView:
         (left, top), (right, bottom) = self._box(*place, half - 0.08, half - 0.08)
         pen.rectangle([left, top, right, bottom], "#f7f6f2", style.FAINT, FINE)
         if share > 0:
-            pen.rectangle([left, bottom - share * (bottom - top), right, bottom], COLOURS["structure"])
+            pen.rectangle(
+                [left, bottom - share * (bottom - top), right, bottom], COLOURS["structure"]
+            )
         line = (style.INK, 2 * FINE) if chosen else (style.FAINT, FINE)
         pen.rectangle([left, top, right, bottom], None, *line)
         size = max(7 * FINE, int(0.75 * half * self._scale))

@@ -47,7 +47,7 @@ class StarCraftSimulator(Simulator):
     scvs: int = Field(12, ge=1, le=MAX_SCVS)
     """SCVs that an episode begins with."""
     minerals: int = Field(1500, ge=1, le=10_000)
-    """What each patch of minerals holds; 1,500 in the map's own script, 1,800 by the game's rules."""
+    """What each patch of minerals holds; 1,500 in the map's own script, 1,800 in the game."""
     scv_after_build: Literal["idle", "mine"] = "idle"
     """What an SCV does that has built something: it waits, as in the game, or goes back to mine."""
     award_on: Literal["complete", "order"] = "complete"
@@ -109,7 +109,11 @@ class StarCraftSimulator(Simulator):
     def settled(self) -> Self:
         """Return the settings with the values that follow from the map; see `Simulator.settled`."""
         spec = self.spec
-        sizes = {"map_size": round(spec.region.right - spec.region.left)} if self.map == LARGE_MAP else {}
+        sizes = (
+            {"map_size": round(spec.region.right - spec.region.left)}
+            if self.map == LARGE_MAP
+            else {}
+        )
         found = {"minutes": spec.minutes, "zerglings": spec.zerglings or None}
         return self.model_copy(update=found | sizes)
 
