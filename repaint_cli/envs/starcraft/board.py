@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image, ImageDraw
+from PIL import Image, ImageDraw, ImageFont
 
 from repaint_cli.envs.starcraft.map_view import CLICK, COLOURS, REFUSED
 from repaint_cli.envs.starcraft.rts.constants import SCREEN
@@ -100,7 +100,7 @@ def counters(numbers: Sequence[tuple[str, str]], width: int, height: int) -> Ima
     return picture
 
 
-def _fit(text: str, width: float) -> "font.ImageFont":
+def _fit(text: str, width: float) -> ImageFont.FreeTypeFont:
     """Return the largest bold letters in which a text is not wider than its column."""
     size = 20
     while size > 9 and font(size, "-Bold").getlength(text) > width - 8:

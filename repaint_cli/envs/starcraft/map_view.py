@@ -82,7 +82,8 @@ class MapView:
     def _fog(self, picture: Image.Image, visibility: NDArray[np.uint8]) -> None:
         """Darken the cells of the map (64, 64) that are hidden, and less those once seen."""
         size = round(self._scale * game.MAP_SIZE)
-        place = tuple(round(number) for number in self._xy(0, game.MAP_SIZE))
+        left, top = self._xy(0, game.MAP_SIZE)
+        place = round(left), round(top)
         for what, colour in ((game.HIDDEN, DARK), (game.SEEN, DIM)):
             cells = Image.fromarray(np.where(visibility[::-1] == what, 255, 0).astype(np.uint8))
             mask = Image.new("L", picture.size)

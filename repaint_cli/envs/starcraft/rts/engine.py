@@ -92,3 +92,6 @@ class MiniRTS:
     def restore(self, snapshot: NDArray[np.void], rows: Rows | None = None) -> None:
         """Put games back as they were when a snapshot was made, (K,)."""
         raise NotImplementedError
+
+    def close(self) -> None:
+        """End the games, of which nothing is left open."""
