@@ -22,9 +22,7 @@ def made(n, autoreset_mode=AutoresetMode.NEXT_STEP, layers="terran", **settings)
     """N games of a minute's fortieth, three steps, where nothing else is said."""
     settings = {"simulator": "starcraft", "minutes": 0.025} | settings
     spec = StarCraftSimulator(**settings).spec
-    return StarCraftVectorEnv(
-        MiniRTS(spec, n), n, layers=layers, autoreset_mode=autoreset_mode
-    )
+    return StarCraftVectorEnv(MiniRTS(spec, n), n, layers=layers, autoreset_mode=autoreset_mode)
 
 
 def random_actions(n, t):
