@@ -1,0 +1,103 @@
+"""Episodes over time: what was there, built and killed, a column of panels an evaluation.
+
+**S** seeds · **E** episodes a seed · **T** steps.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from repaint_cli.envs.episodes import EpisodePaths, Episodes
+from repaint_cli.envs.paths import PathFormat
+from repaint_cli.report import style
+from repaint_cli.report.path_panels import label_of
+
+LINE = style.METHOD_COLOURS["repaint"]
+"""The colour of what is counted; the limit of the supply is grey."""
+
+ROWS = {
+    "supply": "food_used",
+    "minerals": "minerals",
+    "SCVs": "scvs",
+    "marines built": "sum_marines_built",
+    "zerglings killed": "sum_zerglings_killed",
+}
+"""The panels from top to bottom: what they show, and its record."""
+
+LIMIT = "food_cap"
+"""The record that is drawn above the first row's."""
+
+WIDTH, ROW_HEIGHT = 3.6, 1.25
+"""Of a panel, inches."""
+NARROWEST = 1.8
+"""Panels in the width of a figure, at least."""
+
+
+class Timelines(PathFormat):
+    """The course of games: supply, minerals, SCVs, marines and kills over time."""
+
+    records: ClassVar[tuple[str, ...]] = (LIMIT, *ROWS.values())
+
+    def paths_of(
+        self,
+        valid: np.ndarray,
+        records: Mapping[str, np.ndarray],
+        observations: Callable[[], np.ndarray],
+    ) -> EpisodePaths:
+        """Return how many marines were built by each second, (S, E, T, 2)."""
+        lines = np.stack([records["seconds"], records["sum_marines_built"]], -1)  # (T, S, E, 2)
+        return EpisodePaths(np.moveaxis(lines, 0, 2))
+
+    def draw(
+        self, panels: Sequence[tuple[str, Episodes]], path: Path, title: str, colour: str
+    ) -> None:
+        """Draw the first seed's episodes, a column of panels each; see `PathFormat.draw`."""
+        width = 0.8 + WIDTH * max(len(panels), NARROWEST)
+        figure = style.new_figure(width, 1.3 + ROW_HEIGHT * len(ROWS))
+        style.headline(figure, title)
+        grid = figure.subplots(len(ROWS), len(panels), squeeze=False, sharex=True, sharey="row")
+        for column, (name, episodes) in zip(grid.T, panels, strict=True):
+            _lines(column[0], episodes, LIMIT, style.FAINT)
+            for axes, record in zip(column, ROWS.values(), strict=True):
+                _lines(axes, episodes, record, LINE)
+            label = label_of(name, episodes.returns[0].mean())
+            column[0].set_title(label, size=style.TEXT_SIZE - 0.5, color=style.INK)
+            column[-1].set_xlabel("game time [s]", size=style.NOTE_SIZE)
+        for axes in grid.ravel():
+            _frame(axes)
+        for axes, label in zip(grid[:, 0], ROWS, strict=True):
+            axes.set_ylabel(label, size=style.NOTE_SIZE)
+        figure.align_ylabels(grid[:, 0])
+        style.save(figure, path)
+
+
+def _frame(axes: Axes) -> None:
+    """Leave two spines, and lines to read heights off from 0 on."""
+    style.tidy(axes)
+    axes.grid(axis="y", color="#e6e6e6", linewidth=0.7)
+    axes.set_axisbelow(True)
+    axes.set_ylim(bottom=0, top=max(1.0, axes.get_ylim()[1]))
+    axes.margins(x=0.01)
+
+
+def _lines(axes: Axes, episodes: Episodes, record: str, colour: str) -> None:
+    """Draw a line per episode of the first seed, and where there are several their mean."""
+    assert episodes.paths is not None
+    times = episodes.paths[0, :, :, 0].T  # (T, E)
+    numbers = episodes.records[record][:, 0]
+    several = numbers.shape[1] > 1
+    axes.plot(times, numbers, color=colour, linewidth=0.8, alpha=0.35 if several else 1)
+    if several:
+        longest = times[:, np.argmax(episodes.lengths[0])]
+        axes.plot(longest, _mean(numbers), color=colour, linewidth=2)
+
+
+def _mean(numbers: np.ndarray) -> np.ndarray:
+    """Return the mean over the episodes that still run, (T, E) → (T,); nan where none does."""
+    running = np.isfinite(numbers)
+    count = running.sum(1)
+    total: np.ndarray = np.where(running, numbers, 0).sum(1)
+    return np.divide(total, count, out=np.full(len(total), np.nan), where=count > 0)
