@@ -4,46 +4,21 @@
 """
 
 from collections.abc import Mapping
-from typing import NamedTuple, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from repaint_cli.envs.starcraft.rts.engine import Observation
+
 Flags = NDArray[np.bool_]
 Rows = NDArray[np.intp]
-
-SCREEN_LAYERS = (
-    "height_map", "visibility_map", "player_relative", "unit_type", "selected",
-    "unit_hit_points", "unit_hit_points_ratio", "unit_density", "unit_density_aa",
-)  # fmt: skip
-"""Of the screen, in order."""
-
-MINIMAP_LAYERS = ("visibility_map", "player_relative", "selected")
-"""Of the minimap, in order."""
-
-UNIT_TYPES = (
-    "nothing", "command centre", "supply depot", "barracks", "SCV", "marine", "zergling", "minerals"
-)  # fmt: skip
-"""What the values of the layer `unit_type` mean."""
-
-
-class Observation(NamedTuple):
-    """What is seen of N games."""
-
-    screen: NDArray[np.uint8]
-    """(N, 9, 84, 84): layer, row, column; row 0 is the north."""
-    minimap: NDArray[np.uint8]
-    """(N, 3, 84, 84), likewise."""
-    measurements: NDArray[np.int32]
-    """(N, 5), as `names.MEASUREMENTS` says."""
-    available: NDArray[np.uint8]
-    """(N, 7): 1 where a command can be carried out."""
 
 
 class Engine(Protocol):
     """Plays N games of one map."""
 
-    def reset(self, seeds: NDArray[np.uint64], rows: Rows | None = None) -> None:
+    def reset(self, seeds: NDArray[np.int64], rows: Rows | None = None, /) -> None:
         """Begin new episodes.
 
         Args:
@@ -52,7 +27,7 @@ class Engine(Protocol):
         """
 
     def step(
-        self, actions: NDArray[np.int16], playing: Flags | None = None
+        self, actions: NDArray[np.int16], playing: Flags | None = None, /
     ) -> tuple[NDArray[np.float32], Flags, Flags]:
         """Give every game a command and let it go on for `names.LOOPS_PER_STEP`.
 
@@ -65,16 +40,16 @@ class Engine(Protocol):
             that do not go on.
         """
 
-    def observe(self, rows: Rows | None = None, seen: Observation | None = None) -> Observation:
+    def observe(self, rows: Rows | None = None, seen: Observation | None = None, /) -> Observation:
         """Return what is seen.
 
         Args:
             rows: which games are looked at, (K,); None is all of them.
-            seen: where their rows are written; None is new arrays, with zeros for other games.
+            seen: arrays to fill and return; None is new ones.
         """
 
-    def stats(self) -> Mapping[str, NDArray[np.int64]]:
-        """Return numbers of the episodes so far, (N,) each: `loops` and `minerals_mined`."""
+    def stats(self) -> Mapping[str, NDArray[Any]]:
+        """Return numbers of the episodes so far by name, (N,) each: `minerals_mined`."""
 
     def close(self) -> None:
         """End the games."""

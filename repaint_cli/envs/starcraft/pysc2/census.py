@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-OWN, ENEMY = 1, 4
-"""Alliances in PySC2's lists of units."""
+from repaint_cli.envs.starcraft.rts.constants import ENEMY, SELF
+
 FINISHED = 100
 """Of a building's progress, %."""
 
@@ -50,7 +50,7 @@ class Census:
 
     @staticmethod
     def _own(observation: Any, kind: str) -> set[int]:
-        return _tags(observation, kind, OWN)
+        return _tags(observation, kind, SELF)
 
 
 def selected(observation: Any) -> set[int]:
@@ -58,7 +58,7 @@ def selected(observation: Any) -> set[int]:
     units = observation["raw_units"]
     if not len(units):
         return set()
-    rows = (units[:, _column("alliance")] == OWN) & (units[:, _column("is_selected")] > 0)
+    rows = (units[:, _column("alliance")] == SELF) & (units[:, _column("is_selected")] > 0)
     return set(np.asarray(units)[rows, _column("tag")].tolist())
 
 

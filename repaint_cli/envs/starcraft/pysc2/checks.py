@@ -11,7 +11,7 @@ from typing import Any
 
 from repaint_cli.envs.output import warn
 from repaint_cli.envs.starcraft.pysc2 import shim
-from repaint_cli.envs.starcraft.pysc2.maps import RELEASE, RealMap
+from repaint_cli.envs.starcraft.pysc2.maps import FILES, RELEASE
 from repaint_cli.errors import GameError, some
 
 LINUX = "https://github.com/Blizzard/s2client-proto#linux-packages"
@@ -66,23 +66,30 @@ def _check_version(game: Any) -> None:
         )
 
 
-def map_file(game: Any, real: RealMap, name: str) -> Path:
+def map_file(game: Any, name: str, own: Path | None = None) -> Path:
     """Return where a mini-game's map lies, absolute.
+
+    Args:
+        game: PySC2's configuration of the installed game.
+        name: of the mini-game.
+        own: a user's map in place of the known one.
 
     Raises:
         GameError: it is not there.
     """
-    maps = Path(game.data_dir) / "Maps"
-    if real.file is None:
+    if own is not None:
+        if own.is_file():
+            return own.resolve()
+        raise GameError(f"there is no map at '{own}'")
+    if name not in FILES:
         raise GameError(
             f"the game has no map {name}, so it must be yours: make it as docs/starcraft-real.md "
             "says, and name its file"
         )
-    path = maps / real.file
+    maps = Path(game.data_dir).absolute() / "Maps"
+    path = maps / FILES[name]
     if path.is_file():
         return path
-    if real.file.is_absolute():
-        raise GameError(f"there is no map at '{path}'")
     raise GameError(
         f"there is no map at '{path}'; unpack mini_games.zip ({RELEASE}) in '{maps}', its password "
         "is on that page"

@@ -5,22 +5,29 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from repaint_cli.envs.starcraft.names import COMMANDS, WITH_A_POINT
+from repaint_cli.envs.starcraft.names import WITH_A_POINT
+from repaint_cli.envs.starcraft.rts.constants import (
+    ATTACK_POINT,
+    BUILD_BARRACKS,
+    BUILD_DEPOT,
+    SELECT_ARMY,
+    SELECT_POINT,
+    TRAIN_MARINE,
+    TRAIN_SCV,
+)
 
 FUNCTIONS = {
-    "supply depot": ("Build_SupplyDepot_screen", "now"),
-    "barracks": ("Build_Barracks_screen", "now"),
-    "train SCV": ("Train_SCV_quick", "now"),
-    "train marine": ("Train_Marine_quick", "now"),
-    "select point": ("select_point", "select"),
-    "attack point": ("Attack_screen", "now"),
-    "select army": ("select_army", "select"),
+    BUILD_DEPOT: ("Build_SupplyDepot_screen", "now"),
+    BUILD_BARRACKS: ("Build_Barracks_screen", "now"),
+    TRAIN_SCV: ("Train_SCV_quick", "now"),
+    TRAIN_MARINE: ("Train_Marine_quick", "now"),
+    SELECT_POINT: ("select_point", "select"),
+    ATTACK_POINT: ("Attack_screen", "now"),
+    SELECT_ARMY: ("select_army", "select"),
 }
 """PySC2's name of each command, and its first argument: at once, or alone."""
 
-BUILDS = tuple(COMMANDS.index(name) for name in ("supply depot", "barracks"))
-SELECT_POINT = COMMANDS.index("select point")
-ARMY = tuple(COMMANDS.index(name) for name in ("attack point", "select army"))
+ARMY = (ATTACK_POINT, SELECT_ARMY)
 """What the paper never has available where there is nothing to attack; the game would."""
 
 
@@ -28,12 +35,12 @@ def function(command: int) -> Any:
     """Return PySC2's function of a command."""
     from pysc2.lib import actions
 
-    return actions.FUNCTIONS[FUNCTIONS[COMMANDS[command]][0]]
+    return actions.FUNCTIONS[FUNCTIONS[command][0]]
 
 
 def availability(function_ids: NDArray[np.int64], has_enemies: bool) -> NDArray[np.uint8]:
     """Return which commands can be carried out, (7,), of what PySC2 says is available."""
-    ids = [int(function(command).id) for command in range(len(COMMANDS))]
+    ids = [int(function(command).id) for command in sorted(FUNCTIONS)]
     available = np.isin(ids, function_ids).astype(np.uint8)
     if not has_enemies:
         available[list(ARMY)] = 0
@@ -42,10 +49,8 @@ def availability(function_ids: NDArray[np.int64], has_enemies: bool) -> NDArray[
 
 def call(command: int, x: int, y: int) -> Any:
     """Return a command with its pixel as a call of PySC2's function."""
-    name = COMMANDS[command]
-    first = FUNCTIONS[name][1]
-    point = ((x, y),) if name in WITH_A_POINT else ()
-    return function(command)(first, *point)
+    point = ((x, y),) if command in WITH_A_POINT else ()
+    return function(command)(FUNCTIONS[command][1], *point)
 
 
 def no_op() -> Any:

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from repaint_cli.envs.starcraft.engine import MINIMAP_LAYERS, UNIT_TYPES
-from repaint_cli.envs.starcraft.names import SCREEN
+from repaint_cli.envs.starcraft.rts.constants import MEASUREMENTS, SCREEN, UNIT_TYPES
+from repaint_cli.envs.starcraft.rts.maps import Rectangle
 
 Bytes = NDArray[np.uint8]
 
@@ -19,9 +19,6 @@ MOST_DENSITY = 15
 
 VISIBILITY = np.array([0, 1, 2, 0], np.uint8)
 """Hidden, seen before, visible; the game's fourth value is hidden too."""
-
-MEASUREMENTS = ("minerals", "food_used", "food_cap", "food_workers", "army_count")
-"""PySC2's names of `names.MEASUREMENTS`."""
 
 
 def screen(observation: Any, playable: NDArray[np.bool_]) -> Bytes:
@@ -52,10 +49,9 @@ def minimap(observation: Any) -> Bytes:
     layers = observation["feature_minimap"]
     return np.stack(
         [
-            _look_up(VISIBILITY, getattr(layers, name))
-            if name == "visibility_map"
-            else _bytes(getattr(layers, name), 4 if name == "player_relative" else 1)
-            for name in MINIMAP_LAYERS
+            _look_up(VISIBILITY, layers.visibility_map),
+            _bytes(layers.player_relative, 4),
+            _bytes(layers.selected, 1),
         ]
     )
 
@@ -66,21 +62,19 @@ def measurements(observation: Any) -> NDArray[np.int32]:
     return np.array([getattr(player, name) for name in MEASUREMENTS], np.int32)
 
 
-def playable_pixels(area: Any, camera: Any, width: float) -> NDArray[np.bool_]:
+def playable_pixels(region: Rectangle, camera: Any, width: float) -> NDArray[np.bool_]:
     """Return which pixels of the screen show what can be played on, (84, 84).
 
     Args:
-        area: the game's rectangle p0 to p1, in units; an empty one says nothing, so all pixels do.
+        region: that can be played on, units.
         camera: the point in the middle of the screen, units.
         width: of the screen, units.
     """
-    if area.p1.x <= area.p0.x or area.p1.y <= area.p0.y:
-        return np.ones((SCREEN, SCREEN), np.bool_)
     offsets = ((np.arange(SCREEN) + 0.5) / SCREEN - 0.5) * width
     x, y = camera.x + offsets, camera.y - offsets
-    columns = (area.p0.x <= x) & (x < area.p1.x)
-    rows = (area.p0.y <= y) & (y < area.p1.y)
-    return rows[:, None] & columns
+    columns = (region.left <= x) & (x < region.right)
+    rows = (region.bottom <= y) & (y < region.top)
+    return np.asarray(rows[:, None] & columns, np.bool_)
 
 
 @lru_cache
@@ -107,11 +101,12 @@ def unit_types() -> Bytes:
 @lru_cache
 def _hit_points() -> Bytes:
     points = np.arange(MOST_HIT_POINTS + 1)
-    return np.round(255 * np.log1p(points) / np.log1p(MOST_HIT_POINTS)).astype(np.uint8)
+    return np.asarray(np.round(255 * np.log1p(points) / np.log1p(MOST_HIT_POINTS)), np.uint8)
 
 
 def _look_up(table: Bytes, layer: NDArray[np.int32]) -> Bytes:
-    return np.take(table, np.asarray(layer), mode="clip")
+    found: Bytes = np.take(table, np.asarray(layer), mode="clip")
+    return found
 
 
 def _bytes(layer: NDArray[np.int32], largest: int) -> Bytes:

@@ -8,18 +8,20 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from repaint_cli.envs.starcraft.engine import (
-    MINIMAP_LAYERS,
-    SCREEN_LAYERS,
-    Flags,
-    Observation,
-    Rows,
-)
-from repaint_cli.envs.starcraft.names import COMMANDS, MEASUREMENTS, MINIMAP, SCREEN, TERMS
+from repaint_cli.envs.starcraft.engine import Flags, Rows
 from repaint_cli.envs.starcraft.pysc2 import census, encoding
 from repaint_cli.envs.starcraft.pysc2.checks import installed_game, map_file
 from repaint_cli.envs.starcraft.pysc2.game import Game, Place
-from repaint_cli.envs.starcraft.pysc2.maps import real_map
+from repaint_cli.envs.starcraft.rts.constants import (
+    COMMANDS,
+    MEASUREMENTS,
+    MINIMAP_LAYERS,
+    SCREEN,
+    SCREEN_LAYERS,
+    TERMS,
+)
+from repaint_cli.envs.starcraft.rts.engine import Observation
+from repaint_cli.envs.starcraft.rts.maps import MapSpec
 
 
 class RealEngine:
@@ -27,10 +29,9 @@ class RealEngine:
 
     def __init__(
         self,
-        n_games: int,
-        name: str = "build-marines",
+        spec: MapSpec,
+        n: int,
         *,
-        minutes: float | None = None,
         file: Path | None = None,
         version: str | None = None,
         one_process: bool = True,
@@ -38,9 +39,8 @@ class RealEngine:
         """Look whether the game and its map are there; `reset` starts the games.
 
         Args:
-            n_games: N.
-            name: of the mini-game, of `names.MAPS`.
-            minutes: time limit of an episode, by the game's own clock; None is the longest.
+            spec: the mini-game: its name, camera, region and length; its rules are the map's.
+            n: N.
             file: a user's map in place of the known one.
             version: of the game, such as "4.10"; None is the newest that is installed.
             one_process: whether a game's process plays all its episodes, of at most 14 minutes;
@@ -49,14 +49,14 @@ class RealEngine:
         Raises:
             GameError: PySC2, the game or the map is not installed.
         """
-        self._map = real_map(name, minutes, file and file.resolve(), one_process)
         installed = installed_game(version)
-        path = map_file(installed, self._map, name)
-        place = Place(installed, self._map, path, version, one_process)
-        self._games = [Game(place, i) for i in range(n_games)]
-        self._playable = np.ones((n_games, SCREEN, SCREEN), np.bool_)
+        path = map_file(installed, spec.name, file)
+        place = Place(installed, spec, path, version, one_process)
+        self.spec = spec
+        self._games = [Game(place, i) for i in range(n)]
+        self._playable = np.ones((n, SCREEN, SCREEN), np.bool_)
 
-    def reset(self, seeds: NDArray[np.uint64], rows: Rows | None = None) -> None:
+    def reset(self, seeds: NDArray[np.int64], rows: Rows | None = None) -> None:
         """Begin new episodes; see `Engine.reset`. A running process goes on with its own seed.
 
         Raises:
@@ -66,7 +66,7 @@ class RealEngine:
             game = self._games[row]
             game.reset(seed)
             self._playable[row] = encoding.playable_pixels(
-                game.area, census.camera(game.observation), self._map.camera_width
+                self.spec.region, census.camera(game.observation), self.spec.camera.width
             )
 
     def step(
@@ -100,7 +100,7 @@ class RealEngine:
             n = len(self._games)
             seen = Observation(
                 np.zeros((n, len(SCREEN_LAYERS), SCREEN, SCREEN), np.uint8),
-                np.zeros((n, len(MINIMAP_LAYERS), MINIMAP, MINIMAP), np.uint8),
+                np.zeros((n, len(MINIMAP_LAYERS), SCREEN, SCREEN), np.uint8),
                 np.zeros((n, len(MEASUREMENTS)), np.int32),
                 np.zeros((n, len(COMMANDS)), np.uint8),
             )

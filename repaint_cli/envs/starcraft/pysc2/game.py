@@ -10,18 +10,26 @@ from numpy.typing import NDArray
 
 from repaint_cli import activity
 from repaint_cli.envs.output import warn
-from repaint_cli.envs.starcraft.names import LOOPS_PER_STEP, MINIMAP, SCREEN, TERMS
+from repaint_cli.envs.starcraft.names import TERMS
 from repaint_cli.envs.starcraft.pysc2 import commands
 from repaint_cli.envs.starcraft.pysc2.census import Census, selected
 from repaint_cli.envs.starcraft.pysc2.checks import launch_errors
-from repaint_cli.envs.starcraft.pysc2.maps import RealMap
+from repaint_cli.envs.starcraft.pysc2.maps import longest
+from repaint_cli.envs.starcraft.rts.constants import (
+    BUILD_BARRACKS,
+    BUILD_DEPOT,
+    COMMANDS,
+    LOOPS_PER_STEP,
+    SCREEN,
+    SELECT_POINT,
+    SELF,
+)
+from repaint_cli.envs.starcraft.rts.maps import MapSpec
 from repaint_cli.errors import GameError
 
 MOST_LOSSES = 3
 """Episodes in a row that may lose their game before it is an error."""
 
-OURS = 1
-"""What the layer `player_relative` says of our units."""
 SUCCESS = 1
 """The game's result of an action that was carried out."""
 
@@ -32,14 +40,19 @@ class Place:
 
     installed: Any
     """PySC2's configuration of the installed game."""
-    map: RealMap
+    spec: MapSpec
     """The mini-game."""
     file: Path
-    """Of the map, absolute."""
+    """Of its map, absolute."""
     version: str | None = None
     """Of the game; None is the newest."""
     one_process: bool = True
     """Whether a process plays all episodes; else each has a new one, which takes the seed."""
+
+    @property
+    def loops(self) -> int:
+        """After which an episode is cut off."""
+        return longest(self.spec, self.one_process)
 
 
 class Game:
@@ -49,16 +62,11 @@ class Game:
         """Take a place in which to play; `reset` starts the game. `number`, from 0, is its name."""
         self.observation: Any = None
         """PySC2's last observation."""
-        self.available = np.zeros(len(commands.FUNCTIONS), np.uint8)
+        self.available = np.zeros(len(COMMANDS), np.uint8)
         """Which commands can be carried out, (7,)."""
         self._place, self._name = place, f"game {number + 1}"
         self._env: Any = None
         self._played, self._losses, self._steps = 0, 0, 0
-
-    @property
-    def area(self) -> Any:
-        """What of the map can be played on, a rectangle p0 to p1 in units."""
-        return self._env.game_info[0].start_raw.playable_area
 
     def reset(self, seed: int) -> None:
         """Begin a new episode, in a new process where there is none or each has its own.
@@ -79,7 +87,7 @@ class Game:
                     raise
                 self._lose(error, "between two episodes")
                 step = self._first(seed)
-        if self._place.map.has_base and self._played and _idle_workers(step):
+        if self._place.spec.base and self._played and _idle_workers(step):
             warn("a mineral patch is missing after StarCraft II restarted the map; it starts anew")
             self.close()
             with launch_errors(self._place.installed):
@@ -94,7 +102,7 @@ class Game:
         if self._env is None:
             self._env, self._played = self._launch(seed), 0
         step = self._env.reset()[0]
-        if self._place.map.begins_with_no_op:
+        if self._place.spec.marines:  # selected, which the screen shows one action later
             step = self._env.step([commands.no_op()])[0]
         return step
 
@@ -102,12 +110,11 @@ class Game:
         from pysc2.env import sc2_env
         from pysc2.maps import lib
 
-        real = self._place.map
         game_map = lib.Map()
         game_map.filename, game_map.players, game_map.score_index = str(self._place.file), 1, 0
         interface = sc2_env.AgentInterfaceFormat(
-            feature_dimensions=sc2_env.Dimensions(screen=SCREEN, minimap=MINIMAP),
-            camera_width_world_units=real.camera_width,
+            feature_dimensions=sc2_env.Dimensions(screen=SCREEN, minimap=SCREEN),
+            camera_width_world_units=self._place.spec.camera.width,
             use_raw_units=True,  # for the tags of units, which its feature units do not have
             send_observation_proto=True,  # for where the camera is, and who died
         )
@@ -117,7 +124,7 @@ class Game:
                 players=[sc2_env.Agent(sc2_env.Race.terran)],
                 agent_interface_format=interface,
                 step_mul=LOOPS_PER_STEP,
-                game_steps_per_episode=real.loops,
+                game_steps_per_episode=self._place.loops,
                 random_seed=seed % 2**31,
                 visualize=False,
                 version=self._place.version,
@@ -130,7 +137,7 @@ class Game:
         next `reset` starts a new one.
 
         Args:
-            command: which of `names.COMMANDS`.
+            command: which of `COMMANDS`.
             x: column of the pixel.
             y: row of the pixel.
 
@@ -150,13 +157,13 @@ class Game:
             return np.zeros(len(TERMS), np.float32), False, True
         self._take(step)
         terms = self._census.count(self.observation)._asdict()
-        failed = command in commands.BUILDS and _any_failure(self.observation)
+        failed = command in (BUILD_DEPOT, BUILD_BARRACKS) and _any_failure(self.observation)
         terms["unavailable"] = not can or failed
-        if can and command == commands.SELECT_POINT:
+        if can and command == SELECT_POINT:
             hit = _hit(before, self.observation, x, y)
             terms["select_hit"], terms["select_miss"] = hit, not hit
         over = step.last()
-        timed_out = over and self.loops + LOOPS_PER_STEP >= self._place.map.loops
+        timed_out = over and self.loops + LOOPS_PER_STEP >= self._place.loops
         if over:
             self._losses = 0
         return _array(terms), over and not timed_out, timed_out
@@ -182,7 +189,7 @@ class Game:
         """Keep an observation."""
         self.observation = step.observation
         ids = np.asarray(self.observation["available_actions"])
-        self.available = commands.availability(ids, self._place.map.has_enemies)
+        self.available = commands.availability(ids, self._place.spec.zerglings > 0)
 
     def _lose(self, error: Exception, when: str) -> None:
         """Say that the game is lost, and forget it.
@@ -232,4 +239,4 @@ def _hit(before: Any, after: Any, x: int, y: int) -> bool:
     now = selected(after)
     if now != selected(before):
         return bool(now)
-    return bool(now) and bool(before["feature_screen"].player_relative[y, x] == OURS)
+    return bool(now) and bool(before["feature_screen"].player_relative[y, x] == SELF)
