@@ -50,9 +50,8 @@ def load() -> None:
         warnings.simplefilter("ignore")
         load_messages()
         _parse_flags()
-        colours = import_module("pysc2.lib.colors")
-        if sys.version_info >= (3, 11):
-            colours.shuffled_hue = _shuffled_hue
+        colours: Any = import_module("pysc2.lib.colors")
+        colours.shuffled_hue = _shuffled_hue
         sys.modules[VIEWER] = ModuleType(VIEWER)
         import_module("pysc2.env.sc2_env")
         del sys.modules[VIEWER]
