@@ -32,7 +32,8 @@ def checked_actions(actions: Any, n: int, sizes: NDArray[np.int64]) -> NDArray[n
             f"expected a command from 0 to {n_commands - 1}, a column from 0 to {width - 1} and a "
             f"row from 0 to {height - 1}, found {command}, {column} and {row}"
         )
-    return actions.astype(np.int16)
+    chosen: NDArray[np.int16] = actions.astype(np.int16)
+    return chosen
 
 
 def seeds_of(seed: int | Sequence[int | None] | None, n: int) -> Sequence[int | None]:

@@ -4,10 +4,10 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image, ImageDraw
+from PIL import Image, ImageDraw, ImageFont
 
-from repaint_cli.envs.starcraft.map_view import CLICK, COLOURS, REFUSED
 from repaint_cli.envs.starcraft.rts.constants import SCREEN
+from repaint_cli.envs.starcraft.shapes import LEGEND, ZERGLING, draw_shape
 from repaint_cli.report import style
 from repaint_cli.report.video import font
 
@@ -28,7 +28,8 @@ class Layers:
     def __init__(self, names: Sequence[str]) -> None:
         """Write the names of all layers, those of the minimap last."""
         self._still = Image.new("RGB", (WIDTH, HEIGHT), "white")
-        self._colours = (style.ramp()(np.arange(256))[:, :3] * 255).astype(np.uint8)  # (256, 3)
+        colours = (style.ramp()(np.arange(256))[:, :3] * 255).astype(np.uint8)  # (256, 3)
+        self._palette = colours.ravel().tolist()
         self._places = [
             ((TILE + GAP) * (i % COLUMNS), (TILE + LABEL) * (i // COLUMNS))
             for i in range(len(names))
@@ -42,45 +43,23 @@ class Layers:
         picture = self._still.copy()
         layers = [image[..., i] for image in images for i in range(image.shape[2])]
         for layer, (x, y) in zip(layers, self._places, strict=True):
-            tile = self._colours[layer].repeat(TIMES, 0).repeat(TIMES, 1)
-            picture.paste(Image.fromarray(tile), (x, y + LABEL))
+            tile = Image.fromarray(np.ascontiguousarray(layer))
+            tile.putpalette(self._palette)
+            tile = tile.resize((TILE, TILE), Image.Resampling.NEAREST)
+            picture.paste(tile.convert("RGB"), (x, y + LABEL))
         return picture
 
 
-def legend(width: int, height: int, with_zerglings: bool) -> Image.Image:
-    """Draw what the shapes on the map are."""
+def legend(width: int, height: int, zerglings: bool) -> Image.Image:
+    """Draw what the shapes on the map are; those of zerglings where there are any."""
     picture = Image.new("RGB", (width * 2, height * 2), "white")
-    pen, letters = ImageDraw.Draw(picture), font(24)
-    entries = [
-        ("minerals", "box"), ("SCV", "square"), ("marine", "disc"), ("zergling", "triangle"),
-        ("command", "cross"), ("refused", "x"),
-    ]  # fmt: skip
-    if not with_zerglings:
-        entries = [entry for entry in entries if entry[0] != "zergling"]
-    x, y = 16.0, float(height)
-    for name, shape in entries:
-        _sign(pen, shape, x + 12, y, COLOURS.get(name, CLICK if name == "command" else REFUSED))
-        pen.text((x + 34, y), name, GREY, letters, anchor="lm")
-        x += 34 + letters.getlength(name) + 32
+    pen, letters, x = ImageDraw.Draw(picture), font(24), 16.0
+    for name, shape, colour in LEGEND:
+        if zerglings or colour != ZERGLING:
+            draw_shape(pen, shape, (x + 10, height), 9, colour, 4 if shape in ("cross", "x") else 2)
+            pen.text((x + 30, height), name, GREY, letters, anchor="lm")
+            x += 30 + letters.getlength(name) + 26
     return picture.reduce(2)
-
-
-def _sign(pen: ImageDraw.ImageDraw, shape: str, x: float, y: float, colour: str) -> None:
-    """Draw a sign of the legend at twice its size."""
-    r = 9.0
-    if shape in ("box", "square"):
-        tall = r / 2 if shape == "box" else r
-        pen.rectangle([x - r, y - tall, x + r, y + tall], colour, style.INK)
-    elif shape == "disc":
-        pen.circle((x, y), r, colour, style.INK)
-    elif shape == "triangle":
-        pen.polygon([(x, y - r), (x + r, y + r), (x - r, y + r)], colour, style.INK)
-    elif shape == "cross":
-        pen.line([(x - r, y), (x + r, y)], colour, 4)
-        pen.line([(x, y - r), (x, y + r)], colour, 4)
-    else:
-        pen.line([(x - r, y - r), (x + r, y + r)], colour, 4)
-        pen.line([(x - r, y + r), (x + r, y - r)], colour, 4)
 
 
 def counters(numbers: Sequence[tuple[str, str]], width: int, height: int) -> Image.Image:
@@ -90,17 +69,12 @@ def counters(numbers: Sequence[tuple[str, str]], width: int, height: int) -> Ima
     for i, (name, number) in enumerate(numbers):
         x = (i + 0.5) * column
         pen.text((x, height * 0.3), name, GREY, font(13), anchor="mm")
-        pen.text(
-            (x, height * 0.7),
-            number.replace("-", "−"),
-            style.INK,
-            _fit(number, column),
-            anchor="mm",
-        )
+        text = number.replace("-", "−")
+        pen.text((x, height * 0.7), text, style.INK, _fit(text, column), anchor="mm")
     return picture
 
 
-def _fit(text: str, width: float) -> "font.ImageFont":
+def _fit(text: str, width: float) -> ImageFont.FreeTypeFont:
     """Return the largest bold letters in which a text is not wider than its column."""
     size = 20
     while size > 9 and font(size, "-Bold").getlength(text) > width - 8:

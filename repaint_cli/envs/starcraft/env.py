@@ -106,6 +106,7 @@ class StarCraftVectorEnv(VectorEnv[Any, NDArray[np.int64], Any]):
         self._names = picture_names(layers)
         self.single_observation_space = observation_space(layers)
         self.single_action_space = action_space()
+        self._sizes = action_space().nvec
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._seen: Any = None
@@ -156,13 +157,13 @@ class StarCraftVectorEnv(VectorEnv[Any, NDArray[np.int64], Any]):
         """
         if self._seen is None:
             raise ResetNeeded("expected reset() before the first step()")
-        chosen = checked_actions(actions, self.num_envs, self.single_action_space.nvec)
+        chosen = checked_actions(actions, self.num_envs, self._sizes)
         over = self._ended
         terms, terminated, truncated = self._engine.step(chosen, ~over)
         self._reports.passed(~over)
         if not self._stops:
             rows = np.flatnonzero(over)
-            self._begin(rows, np.array([self._draw(row) for row in rows], np.int64))
+            self._begin(rows, np.array([self._draw(int(row)) for row in rows], np.int64))
             self._ended = terminated | truncated
         else:
             self._ended = over | terminated | truncated

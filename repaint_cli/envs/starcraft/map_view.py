@@ -3,16 +3,15 @@
 Lengths are the game's units, of which y points up; in pictures it points down.
 """
 
-from collections.abc import Sequence
-
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
+from repaint_cli.envs.starcraft import shapes
 from repaint_cli.envs.starcraft.names import WITH_A_POINT
 from repaint_cli.envs.starcraft.rts import constants as game
 from repaint_cli.envs.starcraft.rts import state as states
-from repaint_cli.envs.starcraft.rts.maps import MapSpec
+from repaint_cli.envs.starcraft.rts.maps import MapSpec, Rectangle
 from repaint_cli.report import style
 from repaint_cli.report.video import font
 
@@ -24,19 +23,11 @@ MARGIN = 1.0
 """Around what can be played on, units."""
 
 GROUND, OUTSIDE = "#e9e6dd", "#ffffff"
-DARK, DIM = (58, 62, 70), (168, 168, 164)
-"""Where nothing was ever seen, and where nothing is seen now."""
+SHADES = np.array([(58, 62, 70), (168, 168, 164), (233, 230, 221)], np.uint8)
+"""Of cells that are hidden, that were seen, and that are visible."""
 BASE_LINE = "#a8a294"
-COLOURS = {
-    "minerals": "#56B4E9", "structure": "#c9c4b8", "SCV": "#E69F00", "marine": "#0072B2",
-    "zergling": "#D55E00",
-}  # fmt: skip
-"""Of what is on the map; shapes tell them apart, too."""
 LEAST_RADIUS = 3.2
 """Of a unit, so that it can be seen, pixels."""
-CLICK, REFUSED = "#222222", "#CC79A7"
-"""Of the point of a command, and of one that could not be carried out."""
-
 Pen = ImageDraw.ImageDraw
 
 
@@ -44,9 +35,9 @@ class MapView:
     """Draws one game of a map."""
 
     def __init__(self, spec: MapSpec) -> None:
-        """Choose the scale at which all that can be played on fits the picture."""
+        """Choose the scale at which all that is played on or seen on the screen fits."""
         self._spec = spec
-        left, bottom, right, top = spec.region
+        left, bottom, right, top = _united(spec.region, screen_of(spec))
         width, height = right - left + 2 * MARGIN, top - bottom + 2 * MARGIN
         self._scale = FINE * min(WIDTH / width, HEIGHT / height)  # pixels a unit
         self._left = (left + right) / 2 - WIDTH * FINE / self._scale / 2
@@ -61,6 +52,7 @@ class MapView:
         pen = ImageDraw.Draw(picture)
         self._draw_base(pen, row)
         self._draw_units(pen, row)
+        pen.rectangle(self._area(screen_of(self._spec)), None, shapes.SCREEN, FINE)
         self._draw_command(pen, row)
         return picture.reduce(FINE)
 
@@ -71,32 +63,31 @@ class MapView:
     def _box(self, x: float, y: float, half_x: float, half_y: float) -> list[tuple[float, float]]:
         return [self._xy(x - half_x, y + half_y), self._xy(x + half_x, y - half_y)]
 
+    def _area(self, area: Rectangle) -> list[tuple[float, float]]:
+        return [self._xy(area.left, area.top), self._xy(area.right, area.bottom)]
+
     def _draw_ground(self) -> Image.Image:
         """Draw what never changes."""
         picture = Image.new("RGB", (WIDTH * FINE, HEIGHT * FINE), OUTSIDE)
         pen = ImageDraw.Draw(picture)
-        left, bottom, right, top = self._spec.region
-        pen.rectangle([self._xy(left, top), self._xy(right, bottom)], GROUND)
+        pen.rectangle(self._area(self._spec.region), GROUND)
         return picture
 
     def _fog(self, picture: Image.Image, visibility: NDArray[np.uint8]) -> None:
         """Darken the cells of the map (64, 64) that are hidden, and less those once seen."""
-        size = round(self._scale * game.MAP_SIZE)
-        place = tuple(round(number) for number in self._xy(0, game.MAP_SIZE))
-        for what, colour in ((game.HIDDEN, DARK), (game.SEEN, DIM)):
-            cells = Image.fromarray(np.where(visibility[::-1] == what, 255, 0).astype(np.uint8))
-            mask = Image.new("L", picture.size)
-            mask.paste(cells.resize((size, size), Image.Resampling.BILINEAR), place)
-            picture.paste(
-                colour, (0, 0), Image.composite(mask, Image.new("L", mask.size), self._inside())
-            )
-
-    def _inside(self) -> Image.Image:
-        """Return a mask of what can be played on."""
-        mask = Image.new("L", (WIDTH * FINE, HEIGHT * FINE))
-        left, bottom, right, top = self._spec.region
-        ImageDraw.Draw(mask).rectangle([self._xy(left, top), self._xy(right, bottom)], 255)
-        return mask
+        region = self._spec.region
+        cells = Image.fromarray(SHADES[visibility[::-1]])
+        (left, top), (right, bottom) = self._area(region)
+        width, height = round(right) - round(left), round(bottom) - round(top)
+        seen = (
+            region.left,
+            game.MAP_SIZE - region.top,
+            region.right,
+            game.MAP_SIZE - region.bottom,
+        )
+        smooth = cells.resize((width // 4, height // 4), Image.Resampling.BILINEAR, seen)
+        shown = smooth.resize((width, height), Image.Resampling.NEAREST)
+        picture.paste(shown, (round(left), round(top)))
 
     # What stands
 
@@ -104,14 +95,11 @@ class MapView:
         """Draw the base's border, minerals, and structures with how far they are built."""
         if self._spec.base is None:
             return
-        left, bottom, right, top = self._spec.base
-        pen.rectangle([self._xy(left, top), self._xy(right, bottom)], None, BASE_LINE, FINE)
+        pen.rectangle(self._area(self._spec.base), None, BASE_LINE, FINE)
         for k, (x, y) in enumerate(self._spec.patches):
             if row["patch_left"][k] > 0:
                 half = game.PATCH_HALF_WIDTH - 0.1, game.PATCH_HALF_HEIGHT - 0.1
-                pen.rounded_rectangle(
-                    self._box(x, y, *half), 2 * FINE, COLOURS["minerals"], style.INK
-                )
+                pen.rounded_rectangle(self._box(x, y, *half), 2 * FINE, shapes.MINERALS, style.INK)
         kind, index = int(row["selected_kind"]), int(row["selected_index"])
         chosen = kind == states.THE_CENTRE
         self._structure(pen, self._spec.centre, game.COMMAND_CENTRE.radius, "CC", 1.0, chosen)
@@ -133,83 +121,70 @@ class MapView:
         (left, top), (right, bottom) = self._box(*place, half - 0.08, half - 0.08)
         pen.rectangle([left, top, right, bottom], "#f7f6f2", style.FAINT, FINE)
         if share > 0:
-            pen.rectangle(
-                [left, bottom - share * (bottom - top), right, bottom], COLOURS["structure"]
-            )
+            pen.rectangle([left, bottom - share * (bottom - top), right, bottom], shapes.STRUCTURE)
         line = (style.INK, 2 * FINE) if chosen else (style.FAINT, FINE)
         pen.rectangle([left, top, right, bottom], None, *line)
-        size = max(7 * FINE, int(0.75 * half * self._scale))
+        size = max(9 * FINE, int(0.75 * half * self._scale))
         middle = ((left + right) / 2, (top + bottom) / 2)
         pen.text(middle, letter, style.INK, font(size, "-Bold"), anchor="mm")
         if chosen:
-            self._ring(pen, middle, (right - left) / 2 * 1.2)
+            self._draw_ring(pen, middle, (right - left) / 2 * 1.2)
 
     # What moves
 
     def _draw_units(self, pen: Pen, row: np.void) -> None:
-        """Draw SCVs as squares, marines as discs, zerglings that are seen as triangles."""
-        kind, index = int(row["selected_kind"]), int(row["selected_index"])
+        """Draw SCVs, zerglings, which the player may not see, and marines."""
+        one_scv = int(row["selected_index"]) if row["selected_kind"] == states.ONE_SCV else -1
         for i in np.flatnonzero(row["scv_state"]):
             point = self._xy(float(row["scv_x"][i]), float(row["scv_y"][i]))
-            self._unit(pen, point, game.SCV.radius, COLOURS["SCV"], "square")
-            if kind == states.ONE_SCV and index == i:
-                self._ring(pen, point, 2 * self._radius(game.SCV.radius))
+            self._draw_unit(pen, "square", point, shapes.SCV, i == one_scv)
         for i in np.flatnonzero(row["zergling_hp"] > 0):
             x, y = float(row["zergling_x"][i]), float(row["zergling_y"][i])
-            if row["visibility"][int(y), int(x)] == game.VISIBLE:
-                shape, colour = "triangle", COLOURS["zergling"]
-            else:
-                shape, colour = "hidden", COLOURS["zergling"]
-            self._unit(pen, self._xy(x, y), game.ZERGLING.radius, colour, shape)
+            seen = row["visibility"][int(y), int(x)] == game.VISIBLE
+            shape = "triangle" if seen else "outline"
+            self._draw_unit(pen, shape, self._xy(x, y), shapes.ZERGLING, False)
         for i in np.flatnonzero(row["marine_hp"] > 0):
             point = self._xy(float(row["marine_x"][i]), float(row["marine_y"][i]))
-            self._unit(pen, point, game.MARINE.radius, COLOURS["marine"], "disc")
-            if row["marine_selected"][i]:
-                self._ring(pen, point, 1.6 * self._radius(game.MARINE.radius))
+            self._draw_unit(pen, "disc", point, shapes.MARINE, bool(row["marine_selected"][i]))
 
-    def _radius(self, radius: float) -> float:
-        return max(LEAST_RADIUS * FINE, radius * self._scale)
-
-    def _unit(
-        self, pen: Pen, point: tuple[float, float], radius: float, colour: str, shape: str
+    def _draw_unit(
+        self, pen: Pen, shape: str, point: shapes.Point, colour: str, chosen: bool
     ) -> None:
-        """Draw a unit; one that is "hidden" from the player is an outline."""
-        (x, y), size = point, self._radius(radius)
-        if shape == "square":
-            pen.rectangle([x - size, y - size, x + size, y + size], colour, style.INK)
-        elif shape == "disc":
-            pen.circle(point, size, colour, style.INK)
-        else:
-            corners: Sequence[tuple[float, float]] = [
-                (x, y - 1.2 * size), (x + 1.1 * size, y + 0.8 * size),
-                (x - 1.1 * size, y + 0.8 * size),
-            ]  # fmt: skip
-            filled = colour if shape == "triangle" else None
-            pen.polygon(corners, filled, style.INK if filled else colour, FINE)
+        """Draw a unit, all of which are of one size, and a ring around one that is selected."""
+        size = max(LEAST_RADIUS * FINE, game.MARINE.radius * self._scale)
+        line = FINE if shape == "outline" else FINE // 2
+        shapes.draw_shape(pen, shape, point, size, colour, line)
+        if chosen:
+            self._draw_ring(pen, point, (2.0 if shape == "square" else 1.6) * size)
 
-    def _ring(self, pen: Pen, point: tuple[float, float], radius: float) -> None:
-        """Mark what is selected."""
+    def _draw_ring(self, pen: Pen, point: shapes.Point, radius: float) -> None:
         pen.circle(point, radius + FINE, None, style.INK, 3 * FINE)
         pen.circle(point, radius, None, "#ffffff", FINE)
 
     def _draw_command(self, pen: Pen, row: np.void) -> None:
         """Mark the point of the last command, where it has one."""
-        if row["last_command"] not in WITH_A_POINT:
-            return
-        x, y = self._xy(*self.point_of(int(row["last_x"]), int(row["last_y"])))
-        reach = 9 * FINE
-        lines = [[(x - reach, y), (x + reach, y)], [(x, y - reach), (x, y + reach)]]
-        if row["last_refused"]:
-            lines = [[(x - reach, y - reach), (x + reach, y + reach)],
-                     [(x - reach, y + reach), (x + reach, y - reach)]]  # fmt: skip
-        colour = REFUSED if row["last_refused"] else CLICK
-        for width, ink in ((4 * FINE, "#ffffff"), (2 * FINE, colour)):
-            for line in lines:
-                pen.line(line, ink, width)
+        if row["last_command"] in WITH_A_POINT:
+            point = self._xy(*self.point_of(int(row["last_x"]), int(row["last_y"])))
+            shape, colour = "cross", shapes.CLICK
+            if row["last_refused"]:
+                shape, colour = "x", shapes.REFUSED
+            for width, ink in ((5, "#ffffff"), (2, colour)):
+                shapes.draw_shape(pen, shape, point, 9 * FINE, ink, width * FINE)
 
     def point_of(self, column: int, row: int) -> tuple[float, float]:
         """Return the point of the map in the middle of a pixel of the screen."""
-        camera = self._spec.camera
-        pixel = camera.width / game.SCREEN
-        left, top = camera.x - camera.width / 2, camera.y + camera.width / 2
-        return left + (column + 0.5) * pixel, top - (row + 0.5) * pixel
+        screen = screen_of(self._spec)
+        pixel = self._spec.camera.width / game.SCREEN
+        return screen.left + (column + 0.5) * pixel, screen.top - (row + 0.5) * pixel
+
+
+def screen_of(spec: MapSpec) -> Rectangle:
+    """Return what the screen shows of a map."""
+    x, y, width = spec.camera
+    return Rectangle(x - width / 2, y - width / 2, x + width / 2, y + width / 2)
+
+
+def _united(one: Rectangle, other: Rectangle) -> Rectangle:
+    """Return the smallest rectangle with both in it."""
+    least, most = map(min, one[:2], other[:2]), map(max, one[2:], other[2:])
+    return Rectangle(*least, *most)

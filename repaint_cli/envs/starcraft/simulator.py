@@ -4,7 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from repaint_cli.envs.simulator import Simulator
 from repaint_cli.envs.starcraft.names import RECORDS, TERMS
@@ -58,6 +58,19 @@ class StarCraftSimulator(Simulator):
     """Zerglings on the map; absent: 40, or 25 where nothing is built."""
     respawn: bool = True
     """Whether as many zerglings come again when all are dead."""
+    map_file: str | None = None
+    """A map of your own for the game itself (`my-map.SC2Map`), which knows no build-marines-fdz."""
+    game_version: str | None = None
+    """Which version of the game itself plays, such as "4.10"; absent: the newest installed."""
+    game_process: Literal["one", "each"] = "one"
+    """Whether one process of the game itself plays all episodes, of at most 14 minutes then, or
+    each episode has a new one, which takes its seed."""
+
+    @field_validator("map_file")
+    @classmethod
+    def _from_any_folder(cls, name: str | None) -> str | None:
+        """Keep the file's whole path: a run or a teacher is used in other folders too."""
+        return None if name is None else str(Path(name).absolute())
 
     @model_validator(mode="after")
     def _of_its_map(self) -> Self:
@@ -66,6 +79,8 @@ class StarCraftSimulator(Simulator):
             raise ValueError(f"expected no env.zerglings, as there are none on the map {self.map}")
         if self.map_size is not None and self.map != LARGE_MAP:
             raise ValueError(f"expected no env.map_size, as the map {self.map} has its own")
+        if self.map_file is not None and self.engine == "mini":
+            raise ValueError("expected no env.map_file, which only env.engine pysc2 can read")
         return self
 
     @property
@@ -138,6 +153,18 @@ class StarCraftSimulator(Simulator):
     def reward_terms(self) -> frozenset[str]:
         """All terms that it can pay."""
         return frozenset(TERMS)
+
+    # Files that a card brings along
+
+    @classmethod
+    def resolve_files(cls, env: dict[str, Any], folder: Path) -> dict[str, Any]:
+        """Return [env] with the map beside the card; see `Simulator.resolve_files`."""
+        name = env.get("map_file")
+        return env | {"map_file": str(folder / name)} if isinstance(name, str) else env
+
+    def files(self) -> dict[str, Path]:
+        """Return the map's file, if it is the user's."""
+        return {"map_file": Path(self.map_file)} if self.map_file else {}
 
     # How episodes went
 

@@ -100,4 +100,6 @@ def _mean(numbers: np.ndarray) -> np.ndarray:
     running = np.isfinite(numbers)
     count = running.sum(1)
     total: np.ndarray = np.where(running, numbers, 0).sum(1)
-    return np.divide(total, count, out=np.full(len(total), np.nan), where=count > 0)
+    mean = np.full(len(total), np.nan)
+    np.divide(total, count, out=mean, where=count > 0)
+    return mean

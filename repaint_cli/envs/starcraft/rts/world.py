@@ -25,7 +25,10 @@ WORLD = np.dtype(
         ("region", "f8", (4,)), ("base", "f8", (4,)),  # left, bottom, right, top
         ("has_base", "u1"), ("centre_x", "f8"), ("centre_y", "f8"),
         ("patches", "i4"), ("patch_x", "f8", (MAX_PATCHES,)), ("patch_y", "f8", (MAX_PATCHES,)),
-        ("patch_way", "f8", (MAX_PATCHES,)),  # an SCV's walk from the centre
+        ("patch_dock_x", "f8", (MAX_PATCHES,)), ("patch_dock_y", "f8", (MAX_PATCHES,)),
+        ("home_dock_x", "f8", (MAX_PATCHES,)), ("home_dock_y", "f8", (MAX_PATCHES,)),
+        ("patch_way", "f8", (MAX_PATCHES,)),  # from a patch's dock to its dock at the centre
+        ("minerals", "i4"), ("start_scvs", "i4"), ("marines", "i4"),
         ("left", "f8"), ("top", "f8"), ("pixel", "f8"),  # the screen's corner; a pixel's side
         ("fog", "u1"), ("zerglings", "i4"), ("respawn", "u1"), ("ends_without_marines", "u1"),
         ("mines_after_build", "u1"), ("award_on_order", "u1"), ("illegal_is_unavailable", "u1"),
@@ -47,6 +50,7 @@ def world_of(spec: MapSpec) -> NDArray[np.void]:
     world = array[0]
     world["loops"] = spec.loops
     world["region"] = spec.region
+    world["marines"] = spec.marines
     _furnish(world, spec)
     world["left"] = spec.camera.x - spec.camera.width / 2
     world["top"] = spec.camera.y + spec.camera.width / 2
@@ -64,22 +68,27 @@ def world_of(spec: MapSpec) -> NDArray[np.void]:
 
 
 def _furnish(world: np.void, spec: MapSpec) -> None:
-    """Put a base, its centre and its patches into a world."""
+    """Put a base, its centre and its patches into a world.
+
+    An SCV digs at a patch's dock and delivers at the dock at home, both on the line from the
+    patch's middle to the centre's; its disc touches the patch's box and the centre's disc.
+    """
     if spec.base is None:
         return
     world["has_base"], world["base"] = True, spec.base
     world["centre_x"], world["centre_y"] = spec.centre
     world["patches"] = len(spec.patches)
-    for k, (x, y) in enumerate(spec.patches):
-        world["patch_x"][k], world["patch_y"][k] = x, y
-        across, along = abs(x - spec.centre[0]), abs(y - spec.centre[1])
-        far = float(np.hypot(across, along))
-        # from the patch's middle to its edge, in the direction of the centre
-        half = far * min(
-            PATCH_HALF_WIDTH / across if across else np.inf,
-            PATCH_HALF_HEIGHT / along if along else np.inf,
-        )
-        world["patch_way"][k] = max(far - CENTRE_RADIUS - half - 2 * SCV.radius, 0.0)
+    world["minerals"], world["start_scvs"] = spec.minerals, spec.start_scvs
+    for k, patch in enumerate(spec.patches):
+        away = np.subtract(patch, spec.centre)
+        far = float(np.sqrt(away @ away))
+        with np.errstate(divide="ignore"):
+            edge = far * np.min(np.array([PATCH_HALF_WIDTH, PATCH_HALF_HEIGHT]) / np.abs(away))
+        near, home = far - edge - SCV.radius, CENTRE_RADIUS + SCV.radius
+        world["patch_x"][k], world["patch_y"][k] = patch
+        world["patch_dock_x"][k], world["patch_dock_y"][k] = spec.centre + away * (near / far)
+        world["home_dock_x"][k], world["home_dock_y"][k] = spec.centre + away * (home / far)
+        world["patch_way"][k] = near - home
 
 
 def _lay_out(world: np.void, region: Rectangle) -> None:

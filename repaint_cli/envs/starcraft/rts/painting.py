@@ -1,0 +1,129 @@
+"""A unit in the layers of the screen and of the minimap.
+
+A disc or a box covers the pixels whose middles are in it, and at least the pixel that its own
+middle is in: those are also the pixels that select it. Of 16 points in a pixel, `unit_density_aa`
+counts those that are in it.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from repaint_cli.envs.starcraft.rts.constants import SCREEN
+from repaint_cli.kernels import kernel
+
+SCREEN_RELATIVE, SCREEN_TYPE, SCREEN_SELECTED, SCREEN_HP, SCREEN_RATIO, DENSITY, DENSITY_AA = range(
+    2, 9
+)
+MINIMAP_RELATIVE, MINIMAP_SELECTED = 1, 2
+"""Indices of layers."""
+MOST_DENSE = 15
+"""Units that a pixel of `unit_density` counts at most."""
+MOST_HIT_POINTS = 1600.0
+"""What the brightest pixel of `unit_hit_points` shows; brightness is logarithmic."""
+POINTS = 4
+"""Of a pixel, along x and along y, that `unit_density_aa` looks at."""
+
+
+class Lens(NamedTuple):
+    """Which part of the map a picture shows."""
+
+    left: float
+    top: float
+    pixel: float
+    """Side of a pixel, units."""
+
+
+class Figure(NamedTuple):
+    """What is drawn of a unit."""
+
+    x: float
+    y: float
+    half_x: float
+    """Radius of a disc, or half the width of a box, units."""
+    half_y: float
+    """Half the height of a box; 0 for a disc."""
+    relative: int
+    kind: int
+    selected: int
+    hp: float
+    most_hp: float
+
+
+@kernel
+def pixels(low: float, high: float, pixel: float) -> tuple[int, int]:
+    """Return the first and the end of the pixels that a stretch from an edge touches."""
+    first = max(math.floor(low / pixel), 0)
+    return first, min(math.floor(high / pixel) + 1, SCREEN)
+
+
+@kernel
+def holds(figure: Figure, dx: float, dy: float) -> bool:
+    """Tell whether a point, from the middle of a figure, is in it."""
+    if figure.half_y > 0.0:
+        return abs(dx) <= figure.half_x and abs(dy) <= figure.half_y
+    return dx * dx + dy * dy <= figure.half_x * figure.half_x
+
+
+@kernel
+def points_in(figure: Figure, dx: float, dy: float, pixel: float) -> int:
+    """Return how many of 16 points of a pixel, whose corner is given, are in a figure."""
+    count = 0
+    for j in range(POINTS):
+        y = dy - (j + 0.5) / POINTS * pixel
+        for i in range(POINTS):
+            count += holds(figure, dx + (i + 0.5) / POINTS * pixel, y)
+    return count
+
+
+@kernel
+def brightness(share: float) -> int:
+    """Return a share as a grey level, 0 to 255."""
+    return math.floor(255.0 * min(share, 1.0) + 0.5)
+
+
+@kernel
+def paint_screen(layers: np.ndarray, lens: Lens, figure: Figure) -> None:
+    """Draw a unit over the layers of a screen, (9, 84, 84)."""
+    half_y = figure.half_y if figure.half_y > 0.0 else figure.half_x
+    x, y = figure.x - lens.left, lens.top - figure.y  # from the corner, to the right and down
+    first, end = pixels(x - figure.half_x, x + figure.half_x, lens.pixel)
+    top, bottom = pixels(y - half_y, y + half_y, lens.pixel)
+    own_column, own_row = math.floor(x / lens.pixel), math.floor(y / lens.pixel)
+    hp = brightness(math.log1p(figure.hp) / math.log1p(MOST_HIT_POINTS))
+    ratio = brightness(figure.hp / figure.most_hp)
+    for row in range(top, bottom):
+        for column in range(first, end):
+            dx, dy = column * lens.pixel - x, y - row * lens.pixel  # to the pixel's corner
+            points = points_in(figure, dx, dy, lens.pixel)
+            dense = int(layers[DENSITY_AA, row, column]) + points
+            layers[DENSITY_AA, row, column] = min(dense, 255)
+            half = lens.pixel / 2.0
+            own = column == own_column and row == own_row
+            if not (own or holds(figure, dx + half, dy - half)):
+                continue
+            layers[SCREEN_RELATIVE, row, column] = figure.relative
+            layers[SCREEN_TYPE, row, column] = figure.kind
+            layers[SCREEN_SELECTED, row, column] = figure.selected
+            layers[SCREEN_HP, row, column] = hp
+            layers[SCREEN_RATIO, row, column] = ratio
+            if layers[DENSITY, row, column] < MOST_DENSE:
+                layers[DENSITY, row, column] += 1
+
+
+@kernel
+def paint_minimap(layers: np.ndarray, lens: Lens, figure: Figure) -> None:
+    """Draw a unit over the layers of a minimap, (3, 84, 84)."""
+    half_y = figure.half_y if figure.half_y > 0.0 else figure.half_x
+    x, y = figure.x - lens.left, lens.top - figure.y
+    first, end = pixels(x - figure.half_x, x + figure.half_x, lens.pixel)
+    top, bottom = pixels(y - half_y, y + half_y, lens.pixel)
+    own_column, own_row = math.floor(x / lens.pixel), math.floor(y / lens.pixel)
+    for row in range(top, bottom):
+        for column in range(first, end):
+            dx, dy = (column + 0.5) * lens.pixel - x, y - (row + 0.5) * lens.pixel
+            own = column == own_column and row == own_row
+            if own or holds(figure, dx, dy):
+                layers[MINIMAP_RELATIVE, row, column] = figure.relative
+                layers[MINIMAP_SELECTED, row, column] = figure.selected

@@ -1,0 +1,176 @@
+"""The feature layers of a game: ground and fog, then its units, the smaller over the larger."""
+
+import numpy as np
+
+from repaint_cli.envs.starcraft.rts.constants import (
+    BARRACKS,
+    BARRACKS_TYPE,
+    CENTRE_TYPE,
+    COMMAND_CENTRE,
+    DEPOT,
+    DEPOT_TYPE,
+    ENEMY,
+    FOUNDATION,
+    HIDDEN,
+    MAP_SIZE,
+    MARINE,
+    MARINE_TYPE,
+    MAX_BARRACKS,
+    MAX_DEPOTS,
+    MAX_MARINES,
+    MAX_SCVS,
+    MAX_ZERGLINGS,
+    MINERAL_HIT_POINTS,
+    MINERALS_TYPE,
+    NEUTRAL,
+    PATCH_HALF_HEIGHT,
+    PATCH_HALF_WIDTH,
+    SCREEN,
+    SCV,
+    SCV_TYPE,
+    SELF,
+    VISIBLE,
+    ZERGLING,
+    ZERGLING_TYPE,
+)
+from repaint_cli.envs.starcraft.rts.geometry import Game, World
+from repaint_cli.envs.starcraft.rts.painting import Figure, Lens, paint_minimap, paint_screen
+from repaint_cli.envs.starcraft.rts.state import (
+    ABSENT,
+    ONE_BARRACKS,
+    ONE_DEPOT,
+    ONE_SCV,
+    THE_CENTRE,
+)
+from repaint_cli.kernels import kernel
+
+OVERVIEW = Lens(0.0, float(MAP_SIZE), MAP_SIZE / SCREEN)
+"""What the minimap shows: all of the map."""
+
+
+@kernel
+def paint(screen: np.ndarray, minimap: np.ndarray, lens: Lens, figure: Figure) -> None:
+    """Draw a unit, on the screen and on the minimap."""
+    paint_screen(screen, lens, figure)
+    paint_minimap(minimap, OVERVIEW, figure)
+
+
+@kernel
+def cell_of(game: Game, x: float, y: float) -> int:
+    """Return what is known of the cell that a place is in."""
+    row = min(max(int(y), 0), MAP_SIZE - 1)
+    return int(game.visibility[row, min(max(int(x), 0), MAP_SIZE - 1)])
+
+
+@kernel
+def grown_hit_points(game: Game, begun: int, done: int, most: float) -> float:
+    """Return the hit points of a structure: a tenth when it is begun, all when it is done."""
+    if done <= game.loop:
+        return most
+    return most * (FOUNDATION + (1.0 - FOUNDATION) * (game.loop - begun) / (done - begun))
+
+
+@kernel
+def paint_ground(game: Game, world: World, screen: np.ndarray, minimap: np.ndarray) -> None:
+    """Fill all layers: the ground's height and the fog, and nothing else."""
+    screen[0] = world.ground
+    screen[2:] = 0
+    minimap[1:] = 0
+    for row in range(SCREEN):
+        cell_row = world.cell_y[row]
+        over_row = int((row + 0.5) * MAP_SIZE / SCREEN)
+        for column in range(SCREEN):
+            cell = world.cell_x[column]
+            known = game.visibility[cell_row, cell] if cell_row >= 0 and cell >= 0 else HIDDEN
+            screen[1, row, column] = known
+            over = int((column + 0.5) * MAP_SIZE / SCREEN)
+            minimap[0, row, column] = game.visibility[MAP_SIZE - 1 - over_row, over]
+
+
+@kernel
+def paint_structures(
+    game: Game, world: World, lens: Lens, screen: np.ndarray, minimap: np.ndarray
+) -> None:
+    """Draw the patches that have minerals, the centre, depots and barracks."""
+    for p in range(world.patches):
+        x, y = world.patch_x[p], world.patch_y[p]
+        if game.patch_left[p] > 0 and cell_of(game, x, y) != HIDDEN:
+            paint(screen, minimap, lens, Figure(
+                x, y, PATCH_HALF_WIDTH, PATCH_HALF_HEIGHT, NEUTRAL, MINERALS_TYPE, 0,
+                MINERAL_HIT_POINTS, MINERAL_HIT_POINTS))  # fmt: skip
+    chosen, index = game.selected_kind, game.selected_index
+    if world.has_base:
+        r, most = COMMAND_CENTRE.radius, COMMAND_CENTRE.hit_points
+        paint(screen, minimap, lens, Figure(
+            world.centre_x, world.centre_y, r, r, SELF, CENTRE_TYPE, int(chosen == THE_CENTRE),
+            most, most))  # fmt: skip
+    r, most = DEPOT.radius, DEPOT.hit_points
+    for d in range(MAX_DEPOTS):
+        if game.depot_done[d] > 0:
+            selected = int(chosen == ONE_DEPOT and index == d)
+            hp = grown_hit_points(game, game.depot_begun[d], game.depot_done[d], most)
+            paint(screen, minimap, lens, Figure(
+                game.depot_x[d], game.depot_y[d], r, r, SELF, DEPOT_TYPE, selected,
+                hp, most))  # fmt: skip
+    r, most = BARRACKS.radius, BARRACKS.hit_points
+    for b in range(MAX_BARRACKS):
+        if game.barracks_done[b] > 0:
+            selected = int(chosen == ONE_BARRACKS and index == b)
+            hp = grown_hit_points(game, game.barracks_begun[b], game.barracks_done[b], most)
+            paint(screen, minimap, lens, Figure(
+                game.barracks_x[b], game.barracks_y[b], r, r, SELF, BARRACKS_TYPE, selected,
+                hp, most))  # fmt: skip
+
+
+@kernel
+def paint_units(
+    game: Game, world: World, lens: Lens, screen: np.ndarray, minimap: np.ndarray
+) -> None:
+    """Draw SCVs, marines, and the zerglings that are seen now."""
+    for i in range(MAX_SCVS):
+        if game.scv_state[i] != ABSENT:
+            selected = int(game.selected_kind == ONE_SCV and game.selected_index == i)
+            paint(screen, minimap, lens, Figure(
+                game.scv_x[i], game.scv_y[i], SCV.radius, 0.0, SELF, SCV_TYPE, selected,
+                SCV.hit_points, SCV.hit_points))  # fmt: skip
+    for m in range(MAX_MARINES):
+        if game.marine_hp[m] > 0.0:
+            paint(screen, minimap, lens, Figure(
+                game.marine_x[m], game.marine_y[m], MARINE.radius, 0.0, SELF, MARINE_TYPE,
+                int(game.marine_selected[m]), game.marine_hp[m], MARINE.hit_points))  # fmt: skip
+    for z in range(MAX_ZERGLINGS):
+        x, y = game.zergling_x[z], game.zergling_y[z]
+        if game.zergling_hp[z] > 0.0 and cell_of(game, x, y) == VISIBLE:
+            paint(screen, minimap, lens, Figure(
+                x, y, ZERGLING.radius, 0.0, ENEMY, ZERGLING_TYPE, 0,
+                game.zergling_hp[z], ZERGLING.hit_points))  # fmt: skip
+
+
+@kernel
+def observe_rows(
+    rows: np.ndarray, first: int, games: np.ndarray, worlds: np.ndarray, screen: np.ndarray,
+    minimap: np.ndarray, measurements: np.ndarray, available: np.ndarray,
+) -> None:  # fmt: skip
+    """Fill what an agent sees of some games.
+
+    Args:
+        rows: which games, (K,).
+        first: the place of the first of them in the arrays that are filled.
+        games: all games, (N,).
+        worlds: their map, (1,).
+        screen: filled, (≥ first + K, 9, 84, 84).
+        minimap: filled, (…, 3, 84, 84).
+        measurements: filled, (…, 5).
+        available: filled, (…, 7).
+    """
+    world = worlds[0]
+    lens = Lens(world.left, world.top, world.pixel)
+    for k, row in enumerate(rows, first):
+        game = games[row]
+        paint_ground(game, world, screen[k], minimap[k])
+        paint_structures(game, world, lens, screen[k], minimap[k])
+        paint_units(game, world, lens, screen[k], minimap[k])
+        measurements[k, 0], measurements[k, 1] = game.minerals, game.food_used
+        measurements[k, 2], measurements[k, 3] = game.food_cap, game.food_workers
+        measurements[k, 4] = game.army_count
+        available[k] = game.available
