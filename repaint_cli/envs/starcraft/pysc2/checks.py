@@ -83,17 +83,14 @@ def map_file(game: Any, name: str, own: Path | None = None) -> Path:
         raise GameError(f"there is no map at '{own}'")
     if name not in FILES:
         raise GameError(
-            f"the game has no map {name}, so it must be yours: make it as docs/starcraft-real.md "
-            "says, and name its file"
+            f"nobody has published the map {name} for StarCraft II; make it as "
+            "docs/starcraft-real.md says, and name its file"
         )
     maps = Path(game.data_dir).absolute() / "Maps"
     path = maps / FILES[name]
     if path.is_file():
         return path
-    raise GameError(
-        f"there is no map at '{path}'; unpack mini_games.zip ({RELEASE}) in '{maps}', its password "
-        "is on that page"
-    )
+    raise GameError(f"there is no map at '{path}'; unpack mini_games.zip ({RELEASE}) in '{maps}'")
 
 
 @contextmanager

@@ -12,14 +12,7 @@ from repaint_cli.envs.starcraft.engine import Flags, Rows
 from repaint_cli.envs.starcraft.pysc2 import census, encoding
 from repaint_cli.envs.starcraft.pysc2.checks import installed_game, map_file
 from repaint_cli.envs.starcraft.pysc2.game import Game, Place
-from repaint_cli.envs.starcraft.rts.constants import (
-    COMMANDS,
-    MEASUREMENTS,
-    MINIMAP_LAYERS,
-    SCREEN,
-    SCREEN_LAYERS,
-    TERMS,
-)
+from repaint_cli.envs.starcraft.rts.constants import COMMANDS, SCREEN, TERMS
 from repaint_cli.envs.starcraft.rts.engine import Observation
 from repaint_cli.envs.starcraft.rts.maps import MapSpec
 
@@ -96,26 +89,20 @@ class RealEngine:
 
     def observe(self, rows: Rows | None = None, seen: Observation | None = None) -> Observation:
         """Return what is seen; see `Engine.observe`."""
-        if seen is None:
-            n = len(self._games)
-            seen = Observation(
-                np.zeros((n, len(SCREEN_LAYERS), SCREEN, SCREEN), np.uint8),
-                np.zeros((n, len(MINIMAP_LAYERS), SCREEN, SCREEN), np.uint8),
-                np.zeros((n, len(MEASUREMENTS)), np.int32),
-                np.zeros((n, len(COMMANDS)), np.uint8),
-            )
-        for row in self._rows(rows):
+        chosen = self._rows(rows)
+        seen = seen or Observation.empty(len(chosen))
+        for i, row in enumerate(chosen):
             game = self._games[row]
-            seen.screen[row] = encoding.screen(game.observation, self._playable[row])
-            seen.minimap[row] = encoding.minimap(game.observation)
-            seen.measurements[row] = encoding.measurements(game.observation)
-            seen.available[row] = game.available
+            seen.screen[i] = encoding.screen(game.observation, self._playable[row])
+            seen.minimap[i] = encoding.minimap(game.observation)
+            seen.measurements[i] = encoding.measurements(game.observation)
+            seen.available[i] = game.available
         return seen
 
     def stats(self) -> dict[str, NDArray[np.int64]]:
         """Return numbers of the episodes so far; see `Engine.stats`."""
         return {
-            "loops": np.array([game.loops for game in self._games], np.int64),
+            "loop": np.array([game.loops for game in self._games], np.int64),
             "minerals_mined": np.array([game.minerals_mined for game in self._games], np.int64),
         }
 
