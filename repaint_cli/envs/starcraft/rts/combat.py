@@ -128,7 +128,7 @@ def march(game: Game, m: int, x: float, y: float) -> None:
 
 
 @kernel
-def act_marine(game: Game, world: World, m: int) -> None:
+def act_marine(game: Game, world: World, m: int, loop: int) -> None:
     """Let a marine shoot, or walk: one that has no order holds its place.
 
     A target out of its range it gives up at the next scan for the nearest one.
@@ -140,7 +140,7 @@ def act_marine(game: Game, world: World, m: int) -> None:
         way = distance(x, y, game.zergling_x[z], game.zergling_y[z])
     else:
         z = -1
-    if way > SHOT and game.loop % SCAN_EVERY == 0:
+    if way > SHOT and loop % SCAN_EVERY == 0:
         z = nearest_zergling(game, x, y)
         if z >= 0:
             way = distance(x, y, game.zergling_x[z], game.zergling_y[z])
@@ -212,7 +212,7 @@ def swing_on(game: Game, z: int) -> None:
 
 
 @kernel
-def act_zergling(game: Game, world: World, z: int) -> None:
+def act_zergling(game: Game, world: World, z: int, loop: int) -> None:
     """Let a zergling heal, and bite, run to its target, or go home."""
     game.zergling_hp[z] = min(game.zergling_hp[z] + world.regeneration, ZERGLING.hit_points)
     game.zergling_cooldown[z] = max(game.zergling_cooldown[z] - 1.0, -1.0)
@@ -224,7 +224,7 @@ def act_zergling(game: Game, world: World, z: int) -> None:
         game.zergling_target[z] = -1
     m = game.zergling_target[z]
     way = 1e30 if m < 0 else distance(x, y, game.marine_x[m], game.marine_y[m])
-    if way > BITE and game.loop % SCAN_EVERY == 0:
+    if way > BITE and loop % SCAN_EVERY == 0:
         near = nearest_marine(game, world, x, y)
         if near >= 0:
             m, game.zergling_target[z] = near, near
@@ -243,13 +243,13 @@ def act_zergling(game: Game, world: World, z: int) -> None:
 
 
 @kernel
-def fight(game: Game, world: World) -> None:
-    """Let all marines and zerglings act for a loop."""
+def fight(game: Game, world: World, loop: int) -> None:
+    """Let all marines and zerglings act for a loop, of this number."""
     for k in range(MAX_MARINES):
-        m = (k + game.loop) % MAX_MARINES
+        m = (k + loop) % MAX_MARINES
         if game.marine_hp[m] > 0.0:
-            act_marine(game, world, m)
+            act_marine(game, world, m, loop)
     for k in range(MAX_ZERGLINGS):
-        z = (k + game.loop) % MAX_ZERGLINGS
+        z = (k + loop) % MAX_ZERGLINGS
         if game.zergling_hp[z] > 0.0:
-            act_zergling(game, world, z)
+            act_zergling(game, world, z, loop)
