@@ -19,7 +19,7 @@ from repaint_cli.envs.starcraft.rts.constants import (
     ZERGLING,
     ZERGLING_KILLED,
 )
-from repaint_cli.envs.starcraft.rts.geometry import Game, World, chance, distance, inside
+from repaint_cli.envs.starcraft.rts.geometry import Game, World, chance, distance, inside, keep_out
 from repaint_cli.envs.starcraft.rts.state import ATTACK_MOVE, MARINES, NO_ORDER, NOTHING
 from repaint_cli.kernels import kernel
 
@@ -28,6 +28,8 @@ SHOT = RIFLE.range + _BODIES
 """A marine hits a zergling whose middle is within this of its own, units."""
 BITE = CLAWS.range + _BODIES
 """The same of a zergling."""
+NESTLE = 0.02
+"""A zergling comes this much nearer than it must, units."""
 MARINE_SCAN, ZERGLING_SCAN = RIFLE.scan + _BODIES, CLAWS.scan + _BODIES
 """They acquire a target within this, middle to middle, units."""
 
@@ -38,7 +40,7 @@ def ready_again(game: Game, world: World, cooldown: float, period: float) -> flo
     delay = world.delay_low
     if world.delay_high > world.delay_low:
         delay += (world.delay_high - world.delay_low) * chance(game)
-    return cooldown + period + delay
+    return float(cooldown + period + delay)
 
 
 @kernel
@@ -177,19 +179,6 @@ def run_to(game: Game, world: World, z: int, x: float, y: float, stop: float) ->
 
 
 @kernel
-def keep_out(game: Game, world: World, z: int) -> None:
-    """Put a zergling that is in the base on the nearest point of its border."""
-    x, y, base = game.zergling_x[z], game.zergling_y[z], world.base
-    if not (world.has_base and base[0] < x < base[2] and base[1] < y < base[3]):
-        return
-    across, along = min(x - base[0], base[2] - x), min(y - base[1], base[3] - y)
-    if across < along:
-        game.zergling_x[z] = base[0] if x - base[0] < base[2] - x else base[2]
-    else:
-        game.zergling_y[z] = base[1] if y - base[1] < base[3] - y else base[3]
-
-
-@kernel
 def has_target(game: Game, world: World, z: int) -> bool:
     """Tell whether a zergling's target lives, and neither the base nor its leash protects it."""
     m = game.zergling_target[z]
@@ -232,7 +221,7 @@ def act_zergling(game: Game, world: World, z: int, loop: int) -> None:
     if m < 0:
         run_to(game, world, z, game.zergling_home_x[z], game.zergling_home_y[z], 0.0)
     elif way > BITE:
-        run_to(game, world, z, game.marine_x[m], game.marine_y[m], BITE)
+        run_to(game, world, z, game.marine_x[m], game.marine_y[m], BITE - NESTLE)
     elif game.zergling_cooldown[z] <= 0.0:
         cooldown = ready_again(game, world, game.zergling_cooldown[z], CLAWS.period)
         game.zergling_cooldown[z] = cooldown

@@ -51,18 +51,25 @@ def pixels(low: float, high: float, pixel: float) -> tuple[int, int]:
 def holds(figure: np.ndarray, dx: float, dy: float) -> bool:
     """Tell whether a point, from the middle of a figure, is in it."""
     if figure[HALF_Y] > 0.0:
-        return abs(dx) <= figure[HALF_X] and abs(dy) <= figure[HALF_Y]
-    return dx * dx + dy * dy <= figure[HALF_X] * figure[HALF_X]
+        return bool(abs(dx) <= figure[HALF_X] and abs(dy) <= figure[HALF_Y])
+    return bool(dx * dx + dy * dy <= figure[HALF_X] * figure[HALF_X])
 
 
 @kernel
 def points_in(figure: np.ndarray, dx: float, dy: float, pixel: float) -> int:
     """Return how many of 16 points of a pixel, whose corner is given, are in a figure."""
-    count = 0
+    if figure[HALF_Y] > 0.0:
+        across, along = 0, 0
+        for i in range(POINTS):
+            across += abs(dx + (i + 0.5) / POINTS * pixel) <= figure[HALF_X]
+            along += abs(dy - (i + 0.5) / POINTS * pixel) <= figure[HALF_Y]
+        return across * along
+    count, square = 0, figure[HALF_X] * figure[HALF_X]
     for j in range(POINTS):
         y = dy - (j + 0.5) / POINTS * pixel
         for i in range(POINTS):
-            count += holds(figure, dx + (i + 0.5) / POINTS * pixel, y)
+            x = dx + (i + 0.5) / POINTS * pixel
+            count += x * x + y * y <= square
     return count
 
 

@@ -77,7 +77,8 @@ def grown_hit_points(game: Game, begun: int, done: int, most: float) -> float:
     """Return the hit points of a structure: a tenth when it is begun, all when it is done."""
     if done <= game.loop:
         return most
-    return most * (FOUNDATION + (1.0 - FOUNDATION) * (game.loop - begun) / (done - begun))
+    grown = (1.0 - FOUNDATION) * (game.loop - begun) / (done - begun)
+    return float(most * (FOUNDATION + grown))
 
 
 @kernel
@@ -131,7 +132,7 @@ def list_structures(game: Game, world: World, figures: np.ndarray) -> int:
 
 @kernel
 def list_units(game: Game, figures: np.ndarray, n: int) -> int:
-    """List SCVs, marines, and the zerglings that are seen now, from the n-th row; return the end."""
+    """List SCVs, marines, and zerglings that are seen, from the n-th row on; return the end."""
     r, most = SCV.radius, SCV.hit_points
     for i in range(MAX_SCVS):
         if game.scv_state[i] != ABSENT:
