@@ -198,7 +198,7 @@ class StarCraftSimulator(Simulator):
         """What was there, built and killed over the time of an episode."""
         from repaint_cli.envs.starcraft.timeline import Timelines
 
-        return Timelines()
+        return Timelines(self.spec.base is not None, self.spec.zerglings > 0)
 
     filmed_episodes: ClassVar[int] = 1
 
