@@ -77,11 +77,14 @@ def test_a_step_equals_the_reference_over_500_random_steps(name):
                 wanted = getattr(reference, field)
                 np.testing.assert_array_equal(found, wanted, f"{field} after step {k}")
     happened = {name for name, count in rts.stats().items() if count[0]}
-    assert happened >= {
-        "base": {"depots_built", "barracks_built", "marines_built", "scvs_trained"},
-        "larger map": {"depots_built", "zerglings_killed", "marines_died"},
-        "fights": {"zerglings_killed"},
-    }[name]
+    assert (
+        happened
+        >= {
+            "base": {"depots_built", "barracks_built", "marines_built", "scvs_trained"},
+            "larger map": {"depots_built", "zerglings_killed", "marines_died"},
+            "fights": {"zerglings_killed"},
+        }[name]
+    )
 
 
 @pytest.mark.parametrize("spec", SPECS, ids=lambda spec: spec.name)
