@@ -17,6 +17,7 @@ from small_pysc2 import (
     unit,
 )
 
+from repaint_cli.envs.starcraft.build_order import BuildOrder
 from repaint_cli.envs.starcraft.names import TERMS
 from repaint_cli.envs.starcraft.pysc2 import encoding
 from repaint_cli.envs.starcraft.pysc2.engine import RealEngine
@@ -288,3 +289,23 @@ def test_unit_types_are_pysc2s_own():
     table = encoding.unit_types()
     assert table[[18, 19, 47, 21, 45, 48, 105, 341, 483]].tolist() == [1, 2, 2, 3, 4, 5, 6, 7, 7]
     assert table[-1] == 0
+
+
+def test_the_build_order_plays_by_what_the_real_layers_show(play):
+    types, relative = np.zeros((2, 84, 84), int)
+    types[24:43, 20:40], relative[24:43, 20:40] = 18, 1
+    types[30, 12] = SCV
+    relative[30, 12] = 1
+    layers = {"unit_type": types, "player_relative": relative}
+    settings = {"layers": layers, "abilities": (319, 524)}
+    games = play(frame(0, **settings), frame(8, minerals=120, food_used=13, **settings))
+    engine = begin()
+    seen = engine.observe()
+    order = BuildOrder(seen)
+    for _ in range(4):
+        engine.step(order.act(seen)[None])
+        seen = engine.observe()
+    assert games.made[0].calls == [
+        (2, [[0], [30, 33]]), (490, [[0]]),  # an SCV, of the command centre
+        (2, [[0], [12, 30]]), (91, [[0], [3, 59]]),  # a depot, by the SCV
+    ]  # fmt: skip

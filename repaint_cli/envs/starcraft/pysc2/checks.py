@@ -11,6 +11,7 @@ from typing import Any
 
 from repaint_cli.envs.output import warn
 from repaint_cli.envs.starcraft.pysc2 import shim
+from repaint_cli.envs.starcraft.pysc2.launch import last_words
 from repaint_cli.envs.starcraft.pysc2.maps import FILES, RELEASE
 from repaint_cli.errors import GameError, some
 
@@ -116,8 +117,8 @@ def launch_errors(game: Any) -> Iterator[None]:
         if "something else" in str(error):
             raise GameError(_in_use(error)) from error
         raise GameError(
-            f"StarCraft II was started and does not answer; look at what it prints: "
-            f"'{game.data_dir}/Versions/Base{game.version.build_version}'"
+            f"StarCraft II was started and does not answer ({last_words()}); start the binary in "
+            f"'{game.data_dir}/Versions/Base{game.version.build_version}' by hand to see why"
         ) from error
     except remote_controller.RequestError as error:
         raise GameError(f"StarCraft II refuses the game: {_line(error)}") from error
