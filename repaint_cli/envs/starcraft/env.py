@@ -158,18 +158,18 @@ class StarCraftVectorEnv(VectorEnv[Any, NDArray[np.int64], Any]):
         if self._seen is None:
             raise ResetNeeded("expected reset() before the first step()")
         chosen = checked_actions(actions, self.num_envs, self._sizes)
-        over = self._ended
-        terms, terminated, truncated = self._engine.step(chosen, ~over)
-        self._reports.passed(~over)
+        moving, ended = ~self._ended, np.flatnonzero(self._ended)
+        counts, terminated, truncated = self._engine.step(chosen, moving)
+        terminated, truncated = terminated & moving, truncated & moving
+        terms = np.where(moving[:, None], counts, 0.0).astype(np.float64)
+        self._reports.passed(moving)
         if not self._stops:
-            rows = np.flatnonzero(over)
-            self._begin(rows, np.array([self._draw(int(row)) for row in rows], np.int64))
-            self._ended = terminated | truncated
-        else:
-            self._ended = over | terminated | truncated
+            self._begin(ended, np.array([self._draw(int(row)) for row in ended], np.int64))
+        self._ended |= terminated | truncated
         self._seen = self._engine.observe(None, self._seen)
-        infos = self._infos(terms.astype(np.float64))
-        return self._observation(), terms.sum(1, np.float64), terminated, truncated, infos
+        return (
+            self._observation(), terms.sum(1), terminated, truncated, self._infos(terms),
+        )  # fmt: skip
 
     def close_extras(self, **kwargs: Any) -> None:
         """End the games."""

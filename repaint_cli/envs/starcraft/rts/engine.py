@@ -163,3 +163,8 @@ class MiniRTS:
         firsts = np.cumsum([0] + [len(part) for part in parts[:-1]])
         for _ in self._pool.map(work, parts, firsts):
             pass
+
+    def close(self) -> None:
+        """End the games, of which nothing is left open but the threads."""
+        if self._pool is not None:
+            self._pool.shutdown()
