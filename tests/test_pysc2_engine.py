@@ -31,6 +31,7 @@ from repaint_cli.envs.starcraft.rts.constants import (
     TRAIN_SCV,
 )
 from repaint_cli.envs.starcraft.rts.maps import MAPS
+from repaint_cli.envs.starcraft.simulator import StarCraftSimulator
 
 __all__ = ["play"]
 
@@ -309,3 +310,19 @@ def test_the_build_order_plays_by_what_the_real_layers_show(play):
         (2, [[0], [30, 33]]), (490, [[0]]),  # an SCV, of the command centre
         (2, [[0], [12, 30]]), (91, [[0], [3, 59]]),  # a depot, by the SCV
     ]  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ["build-marines", "find-and-defeat-zerglings"])
+def test_an_environment_plays_it(play, name):
+    play(frame(0, abilities=ALL), frame(8, abilities=ALL), frame(16, army_count=2))
+    env = StarCraftSimulator(simulator="starcraft", map=name, engine="pysc2").make(2, False, None)
+    seen, _ = env.reset(seed=5)
+    assert seen in env.observation_space
+    env.action_space.seed(1)
+    for _ in range(5):
+        seen, rewards, terminated, truncated, infos = env.step(env.action_space.sample())
+        assert seen in env.observation_space
+    assert not (terminated | truncated).any()
+    assert rewards.shape == (2,)
+    assert set(TERMS) <= infos.keys()
+    env.close()
