@@ -28,7 +28,8 @@ class Layers:
     def __init__(self, names: Sequence[str]) -> None:
         """Write the names of all layers, those of the minimap last."""
         self._still = Image.new("RGB", (WIDTH, HEIGHT), "white")
-        colours = (style.ramp()(np.arange(256))[:, :3] * 255).astype(np.uint8)  # (256, 3)
+        brightened = np.sqrt(np.arange(256) / 255)  # most numbers are small
+        colours = (style.ramp()(brightened)[:, :3] * 255).astype(np.uint8)  # (256, 3)
         self._palette = colours.ravel().tolist()
         self._places = [
             ((TILE + GAP) * (i % COLUMNS), (TILE + LABEL) * (i // COLUMNS))

@@ -8,15 +8,19 @@ import numpy as np
 from repaint_cli.envs.episodes import Episodes
 
 OUTCOMES = {
-    "marines_built": "marines built",
-    "zerglings_killed": "zerglings killed",
-    "marines_died": "marines died",
+    "marines_built": "marines",
+    "zerglings_killed": "killed",
+    "marines_died": "lost",
     "barracks_built": "barracks",
     "scvs": "SCVs",
     "food_cap": "supply",
-    "minerals_mined": "minerals mined",
+    "minerals_mined": "mined",
 }
-"""What is reported of an episode, by name, with the heads of a table's columns."""
+"""What is reported of an episode, by name, with the heads of a table's columns: marines built and
+lost, zerglings killed, barracks built, SCVs and supply there are, minerals mined."""
+
+GOALS = ("marines_built", "zerglings_killed")
+"""The outcomes that are shown with an interval."""
 
 
 def outcome(episodes: Episodes, name: str) -> np.ndarray:

@@ -173,9 +173,12 @@ class StarCraftSimulator(Simulator):
     def columns(self, episodes: "Episodes", s: int) -> "list[Column]":
         """Return what was built and killed; see `Simulator.columns`."""
         from repaint_cli.envs.episodes import Column
-        from repaint_cli.envs.starcraft.outcomes import OUTCOMES, outcome
+        from repaint_cli.envs.starcraft.outcomes import GOALS, OUTCOMES, outcome
 
-        return [Column(head, outcome(episodes, name)[s]) for name, head in OUTCOMES.items()]
+        return [
+            Column(head, outcome(episodes, name)[s], "interval" if name in GOALS else "mean")
+            for name, head in OUTCOMES.items()
+        ]
 
     def outcomes(self, episodes: "Episodes") -> dict[str, Any]:
         """Return what was built, killed and mined, by episode, as JSON."""

@@ -30,10 +30,9 @@ ROWS = {
 LIMIT = "food_cap"
 """The record that is drawn above the first row's."""
 
-WIDTH, ROW_HEIGHT = 3.6, 1.25
-"""Of a panel, inches."""
-NARROWEST = 1.8
-"""Panels in the width of a figure, at least."""
+WIDTHS, ROW_HEIGHT = (6.4, 4.2, 3.4, 2.4), 1.25
+"""Of a panel, inches: where there is one column, where there are two, three, or more."""
+NOTE = "thin lines: episodes, thick lines: their mean; grey: the limit of the supply"
 
 
 class Timelines(PathFormat):
@@ -55,8 +54,8 @@ class Timelines(PathFormat):
         self, panels: Sequence[tuple[str, Episodes]], path: Path, title: str, colour: str
     ) -> None:
         """Draw the first seed's episodes, a column of panels each; see `PathFormat.draw`."""
-        width = 0.8 + WIDTH * max(len(panels), NARROWEST)
-        figure = style.new_figure(width, 1.3 + ROW_HEIGHT * len(ROWS))
+        width = 0.8 + WIDTHS[min(len(panels), len(WIDTHS)) - 1] * len(panels)
+        figure = style.new_figure(width, 1.5 + ROW_HEIGHT * len(ROWS))
         style.headline(figure, title)
         grid = figure.subplots(len(ROWS), len(panels), squeeze=False, sharex=True, sharey="row")
         for column, (name, episodes) in zip(grid.T, panels, strict=True):
@@ -71,6 +70,7 @@ class Timelines(PathFormat):
         for axes, label in zip(grid[:, 0], ROWS, strict=True):
             axes.set_ylabel(label, size=style.NOTE_SIZE)
         figure.align_ylabels(grid[:, 0])
+        figure.supxlabel(NOTE, size=style.NOTE_SIZE, color=style.INK)
         style.save(figure, path)
 
 
@@ -89,10 +89,10 @@ def _lines(axes: Axes, episodes: Episodes, record: str, colour: str) -> None:
     times = episodes.paths[0, :, :, 0].T  # (T, E)
     numbers = episodes.records[record][:, 0]
     several = numbers.shape[1] > 1
-    axes.plot(times, numbers, color=colour, linewidth=0.8, alpha=0.35 if several else 1)
+    axes.plot(times, numbers, color=colour, linewidth=0.7, alpha=0.45 if several else 1)
     if several:
         longest = times[:, np.argmax(episodes.lengths[0])]
-        axes.plot(longest, _mean(numbers), color=colour, linewidth=2)
+        axes.plot(longest, _mean(numbers), color=colour, linewidth=1.6)
 
 
 def _mean(numbers: np.ndarray) -> np.ndarray:

@@ -19,7 +19,7 @@ from repaint_cli.envs.starcraft.rts.constants import (
     ZERGLING,
     ZERGLING_KILLED,
 )
-from repaint_cli.envs.starcraft.rts.geometry import Game, World, chance, distance, inside
+from repaint_cli.envs.starcraft.rts.geometry import Game, World, chance, distance, inside, keep_out
 from repaint_cli.envs.starcraft.rts.state import ATTACK_MOVE, MARINES, NO_ORDER, NOTHING
 from repaint_cli.kernels import kernel
 
@@ -28,6 +28,8 @@ SHOT = RIFLE.range + _BODIES
 """A marine hits a zergling whose middle is within this of its own, units."""
 BITE = CLAWS.range + _BODIES
 """The same of a zergling."""
+NESTLE = 0.02
+"""A zergling comes this much nearer than it must, units."""
 MARINE_SCAN, ZERGLING_SCAN = RIFLE.scan + _BODIES, CLAWS.scan + _BODIES
 """They acquire a target within this, middle to middle, units."""
 
@@ -38,7 +40,7 @@ def ready_again(game: Game, world: World, cooldown: float, period: float) -> flo
     delay = world.delay_low
     if world.delay_high > world.delay_low:
         delay += (world.delay_high - world.delay_low) * chance(game)
-    return cooldown + period + delay
+    return float(cooldown + period + delay)
 
 
 @kernel
@@ -128,7 +130,7 @@ def march(game: Game, m: int, x: float, y: float) -> None:
 
 
 @kernel
-def act_marine(game: Game, world: World, m: int) -> None:
+def act_marine(game: Game, world: World, m: int, loop: int) -> None:
     """Let a marine shoot, or walk: one that has no order holds its place.
 
     A target out of its range it gives up at the next scan for the nearest one.
@@ -140,7 +142,7 @@ def act_marine(game: Game, world: World, m: int) -> None:
         way = distance(x, y, game.zergling_x[z], game.zergling_y[z])
     else:
         z = -1
-    if way > SHOT and game.loop % SCAN_EVERY == 0:
+    if way > SHOT and loop % SCAN_EVERY == 0:
         z = nearest_zergling(game, x, y)
         if z >= 0:
             way = distance(x, y, game.zergling_x[z], game.zergling_y[z])
@@ -177,19 +179,6 @@ def run_to(game: Game, world: World, z: int, x: float, y: float, stop: float) ->
 
 
 @kernel
-def keep_out(game: Game, world: World, z: int) -> None:
-    """Put a zergling that is in the base on the nearest point of its border."""
-    x, y, base = game.zergling_x[z], game.zergling_y[z], world.base
-    if not (world.has_base and base[0] < x < base[2] and base[1] < y < base[3]):
-        return
-    across, along = min(x - base[0], base[2] - x), min(y - base[1], base[3] - y)
-    if across < along:
-        game.zergling_x[z] = base[0] if x - base[0] < base[2] - x else base[2]
-    else:
-        game.zergling_y[z] = base[1] if y - base[1] < base[3] - y else base[3]
-
-
-@kernel
 def has_target(game: Game, world: World, z: int) -> bool:
     """Tell whether a zergling's target lives, and neither the base nor its leash protects it."""
     m = game.zergling_target[z]
@@ -212,7 +201,7 @@ def swing_on(game: Game, z: int) -> None:
 
 
 @kernel
-def act_zergling(game: Game, world: World, z: int) -> None:
+def act_zergling(game: Game, world: World, z: int, loop: int) -> None:
     """Let a zergling heal, and bite, run to its target, or go home."""
     game.zergling_hp[z] = min(game.zergling_hp[z] + world.regeneration, ZERGLING.hit_points)
     game.zergling_cooldown[z] = max(game.zergling_cooldown[z] - 1.0, -1.0)
@@ -224,7 +213,7 @@ def act_zergling(game: Game, world: World, z: int) -> None:
         game.zergling_target[z] = -1
     m = game.zergling_target[z]
     way = 1e30 if m < 0 else distance(x, y, game.marine_x[m], game.marine_y[m])
-    if way > BITE and game.loop % SCAN_EVERY == 0:
+    if way > BITE and loop % SCAN_EVERY == 0:
         near = nearest_marine(game, world, x, y)
         if near >= 0:
             m, game.zergling_target[z] = near, near
@@ -232,7 +221,7 @@ def act_zergling(game: Game, world: World, z: int) -> None:
     if m < 0:
         run_to(game, world, z, game.zergling_home_x[z], game.zergling_home_y[z], 0.0)
     elif way > BITE:
-        run_to(game, world, z, game.marine_x[m], game.marine_y[m], BITE)
+        run_to(game, world, z, game.marine_x[m], game.marine_y[m], BITE - NESTLE)
     elif game.zergling_cooldown[z] <= 0.0:
         cooldown = ready_again(game, world, game.zergling_cooldown[z], CLAWS.period)
         game.zergling_cooldown[z] = cooldown
@@ -243,13 +232,13 @@ def act_zergling(game: Game, world: World, z: int) -> None:
 
 
 @kernel
-def fight(game: Game, world: World) -> None:
-    """Let all marines and zerglings act for a loop."""
+def fight(game: Game, world: World, loop: int) -> None:
+    """Let all marines and zerglings act for a loop, of this number."""
     for k in range(MAX_MARINES):
-        m = (k + game.loop) % MAX_MARINES
+        m = (k + loop) % MAX_MARINES
         if game.marine_hp[m] > 0.0:
-            act_marine(game, world, m)
+            act_marine(game, world, m, loop)
     for k in range(MAX_ZERGLINGS):
-        z = (k + game.loop) % MAX_ZERGLINGS
+        z = (k + loop) % MAX_ZERGLINGS
         if game.zergling_hp[z] > 0.0:
-            act_zergling(game, world, z)
+            act_zergling(game, world, z, loop)

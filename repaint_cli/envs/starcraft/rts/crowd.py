@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from repaint_cli.envs.starcraft.rts.combat import keep_out
 from repaint_cli.envs.starcraft.rts.constants import (
     BARRACKS,
     COMMAND_CENTRE,
@@ -17,7 +16,7 @@ from repaint_cli.envs.starcraft.rts.constants import (
     PATCH_HALF_HEIGHT,
     PATCH_HALF_WIDTH,
 )
-from repaint_cli.envs.starcraft.rts.geometry import Game, World
+from repaint_cli.envs.starcraft.rts.geometry import Game, World, keep_out
 from repaint_cli.envs.starcraft.rts.state import NO_ORDER
 from repaint_cli.kernels import kernel
 

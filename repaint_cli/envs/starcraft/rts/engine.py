@@ -16,8 +16,8 @@ from repaint_cli.envs.starcraft.rts.constants import (
 )
 from repaint_cli.envs.starcraft.rts.maps import MapSpec
 from repaint_cli.envs.starcraft.rts.rendering import observe_rows
-from repaint_cli.envs.starcraft.rts.state import GAME, STATS, State
-from repaint_cli.envs.starcraft.rts.step import begin_rows, step_rows
+from repaint_cli.envs.starcraft.rts.state import STATS, State
+from repaint_cli.envs.starcraft.rts.step import begin_games, step_games
 from repaint_cli.envs.starcraft.rts.world import world_of
 
 Rows = NDArray[np.int64]
@@ -76,8 +76,7 @@ class MiniRTS:
         rows, seeds = self._rows(rows), np.asarray(seeds, np.int64)
         if seeds.shape != rows.shape:
             raise ValueError(f"expected {len(rows)} seeds, found an array {seeds.shape}")
-        self.state.arrays[rows] = np.zeros(1, GAME)
-        begin_rows(rows, self.state.arrays, self.world, seeds)
+        begin_games(rows, self.state.arrays, self.world, seeds)
 
     def step(
         self, actions: NDArray[np.int16], active: NDArray[np.bool_] | None = None
@@ -102,7 +101,7 @@ class MiniRTS:
         if active is not None:
             goes_on &= active
         rows = np.flatnonzero(goes_on)
-        self._share(rows, lambda part, _: step_rows(part, state.arrays, self.world, actions))
+        self._share(rows, lambda part, _: step_games(part, state.arrays, self.world, actions))
         phi = np.where(goes_on[:, None], state.phi, np.float32(0.0))
         return phi, state.terminated.astype(np.bool_), state.truncated.astype(np.bool_)
 

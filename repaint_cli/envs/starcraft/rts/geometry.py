@@ -88,31 +88,46 @@ def boxes_overlap(x0: float, y0: float, half: float, x1: float, y1: float,
 def inside(x: float, y: float, area: np.ndarray, margin: float) -> bool:
     """Tell whether a place is in a rectangle (left, bottom, right, top) grown by a margin."""
     across = area[0] - margin <= x <= area[2] + margin
-    return across and area[1] - margin <= y <= area[3] + margin
+    return bool(across and area[1] - margin <= y <= area[3] + margin)
+
+
+@kernel
+def keep_out(game: Game, world: World, z: int) -> None:
+    """Put a zergling that is in the base on the nearest point of its border."""
+    x, y, base = game.zergling_x[z], game.zergling_y[z], world.base
+    if not (world.has_base and base[0] < x < base[2] and base[1] < y < base[3]):
+        return
+    across, along = min(x - base[0], base[2] - x), min(y - base[1], base[3] - y)
+    if across < along:
+        game.zergling_x[z] = base[0] if x - base[0] < base[2] - x else base[2]
+    else:
+        game.zergling_y[z] = base[1] if y - base[1] < base[3] - y else base[3]
 
 
 @kernel
 def world_x(world: World, px: int) -> float:
     """Return x of the middle of a column of pixels, units."""
-    return world.left + (px + 0.5) * world.pixel
+    return float(world.left + (px + 0.5) * world.pixel)
 
 
 @kernel
 def world_y(world: World, py: int) -> float:
     """Return y of the middle of a row of pixels, units; rows count downward."""
-    return world.top - (py + 0.5) * world.pixel
+    return float(world.top - (py + 0.5) * world.pixel)
 
 
 @kernel
 def column_of(world: World, x: float) -> int:
     """Return the column of pixels that a place is in; it may be off the screen."""
-    return math.floor((x - world.left) / world.pixel)
+    column: int = math.floor((x - world.left) / world.pixel)
+    return column
 
 
 @kernel
 def row_of(world: World, y: float) -> int:
     """Return the row of pixels that a place is in; it may be off the screen."""
-    return math.floor((world.top - y) / world.pixel)
+    row: int = math.floor((world.top - y) / world.pixel)
+    return row
 
 
 @kernel

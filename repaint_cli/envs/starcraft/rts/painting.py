@@ -26,6 +26,11 @@ POINTS = 4
 """Of a pixel, along x and along y, that `unit_density_aa` looks at."""
 
 
+X, Y, HALF_X, HALF_Y, RELATIVE, KIND, SELECTED, HP, MOST_HP = range(9)
+"""Columns of a figure, which is what is drawn of a unit: its middle, the radius of its disc or half
+the width of its box (units), half the box's height (0 for a disc), what layers say of it."""
+
+
 class Lens(NamedTuple):
     """Which part of the map a picture shows."""
 
@@ -33,22 +38,6 @@ class Lens(NamedTuple):
     top: float
     pixel: float
     """Side of a pixel, units."""
-
-
-class Figure(NamedTuple):
-    """What is drawn of a unit."""
-
-    x: float
-    y: float
-    half_x: float
-    """Radius of a disc, or half the width of a box, units."""
-    half_y: float
-    """Half the height of a box; 0 for a disc."""
-    relative: int
-    kind: int
-    selected: int
-    hp: float
-    most_hp: float
 
 
 @kernel
@@ -59,21 +48,28 @@ def pixels(low: float, high: float, pixel: float) -> tuple[int, int]:
 
 
 @kernel
-def holds(figure: Figure, dx: float, dy: float) -> bool:
+def holds(figure: np.ndarray, dx: float, dy: float) -> bool:
     """Tell whether a point, from the middle of a figure, is in it."""
-    if figure.half_y > 0.0:
-        return abs(dx) <= figure.half_x and abs(dy) <= figure.half_y
-    return dx * dx + dy * dy <= figure.half_x * figure.half_x
+    if figure[HALF_Y] > 0.0:
+        return bool(abs(dx) <= figure[HALF_X] and abs(dy) <= figure[HALF_Y])
+    return bool(dx * dx + dy * dy <= figure[HALF_X] * figure[HALF_X])
 
 
 @kernel
-def points_in(figure: Figure, dx: float, dy: float, pixel: float) -> int:
+def points_in(figure: np.ndarray, dx: float, dy: float, pixel: float) -> int:
     """Return how many of 16 points of a pixel, whose corner is given, are in a figure."""
-    count = 0
+    if figure[HALF_Y] > 0.0:
+        across, along = 0, 0
+        for i in range(POINTS):
+            across += abs(dx + (i + 0.5) / POINTS * pixel) <= figure[HALF_X]
+            along += abs(dy - (i + 0.5) / POINTS * pixel) <= figure[HALF_Y]
+        return across * along
+    count, square = 0, figure[HALF_X] * figure[HALF_X]
     for j in range(POINTS):
         y = dy - (j + 0.5) / POINTS * pixel
         for i in range(POINTS):
-            count += holds(figure, dx + (i + 0.5) / POINTS * pixel, y)
+            x = dx + (i + 0.5) / POINTS * pixel
+            count += x * x + y * y <= square
     return count
 
 
@@ -84,15 +80,15 @@ def brightness(share: float) -> int:
 
 
 @kernel
-def paint_screen(layers: np.ndarray, lens: Lens, figure: Figure) -> None:
-    """Draw a unit over the layers of a screen, (9, 84, 84)."""
-    half_y = figure.half_y if figure.half_y > 0.0 else figure.half_x
-    x, y = figure.x - lens.left, lens.top - figure.y  # from the corner, to the right and down
-    first, end = pixels(x - figure.half_x, x + figure.half_x, lens.pixel)
+def paint_screen(layers: np.ndarray, lens: Lens, figure: np.ndarray) -> None:
+    """Draw a unit, (9,), over the layers of a screen, (9, 84, 84)."""
+    half_y = figure[HALF_Y] if figure[HALF_Y] > 0.0 else figure[HALF_X]
+    x, y = figure[X] - lens.left, lens.top - figure[Y]  # from the corner, to the right and down
+    first, end = pixels(x - figure[HALF_X], x + figure[HALF_X], lens.pixel)
     top, bottom = pixels(y - half_y, y + half_y, lens.pixel)
     own_column, own_row = math.floor(x / lens.pixel), math.floor(y / lens.pixel)
-    hp = brightness(math.log1p(figure.hp) / math.log1p(MOST_HIT_POINTS))
-    ratio = brightness(figure.hp / figure.most_hp)
+    hp = brightness(math.log1p(figure[HP]) / math.log1p(MOST_HIT_POINTS))
+    ratio = brightness(figure[HP] / figure[MOST_HP])
     for row in range(top, bottom):
         for column in range(first, end):
             dx, dy = column * lens.pixel - x, y - row * lens.pixel  # to the pixel's corner
@@ -103,9 +99,9 @@ def paint_screen(layers: np.ndarray, lens: Lens, figure: Figure) -> None:
             own = column == own_column and row == own_row
             if not (own or holds(figure, dx + half, dy - half)):
                 continue
-            layers[SCREEN_RELATIVE, row, column] = figure.relative
-            layers[SCREEN_TYPE, row, column] = figure.kind
-            layers[SCREEN_SELECTED, row, column] = figure.selected
+            layers[SCREEN_RELATIVE, row, column] = figure[RELATIVE]
+            layers[SCREEN_TYPE, row, column] = figure[KIND]
+            layers[SCREEN_SELECTED, row, column] = figure[SELECTED]
             layers[SCREEN_HP, row, column] = hp
             layers[SCREEN_RATIO, row, column] = ratio
             if layers[DENSITY, row, column] < MOST_DENSE:
@@ -113,11 +109,11 @@ def paint_screen(layers: np.ndarray, lens: Lens, figure: Figure) -> None:
 
 
 @kernel
-def paint_minimap(layers: np.ndarray, lens: Lens, figure: Figure) -> None:
-    """Draw a unit over the layers of a minimap, (3, 84, 84)."""
-    half_y = figure.half_y if figure.half_y > 0.0 else figure.half_x
-    x, y = figure.x - lens.left, lens.top - figure.y
-    first, end = pixels(x - figure.half_x, x + figure.half_x, lens.pixel)
+def paint_minimap(layers: np.ndarray, lens: Lens, figure: np.ndarray) -> None:
+    """Draw a unit, (9,), over the layers of a minimap, (3, 84, 84)."""
+    half_y = figure[HALF_Y] if figure[HALF_Y] > 0.0 else figure[HALF_X]
+    x, y = figure[X] - lens.left, lens.top - figure[Y]
+    first, end = pixels(x - figure[HALF_X], x + figure[HALF_X], lens.pixel)
     top, bottom = pixels(y - half_y, y + half_y, lens.pixel)
     own_column, own_row = math.floor(x / lens.pixel), math.floor(y / lens.pixel)
     for row in range(top, bottom):
@@ -125,5 +121,5 @@ def paint_minimap(layers: np.ndarray, lens: Lens, figure: Figure) -> None:
             dx, dy = (column + 0.5) * lens.pixel - x, y - (row + 0.5) * lens.pixel
             own = column == own_column and row == own_row
             if own or holds(figure, dx, dy):
-                layers[MINIMAP_RELATIVE, row, column] = figure.relative
-                layers[MINIMAP_SELECTED, row, column] = figure.selected
+                layers[MINIMAP_RELATIVE, row, column] = figure[RELATIVE]
+                layers[MINIMAP_SELECTED, row, column] = figure[SELECTED]

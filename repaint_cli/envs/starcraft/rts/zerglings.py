@@ -108,19 +108,15 @@ def place_zergling(game: Game, world: World, k: int, first: bool) -> None:
 
 
 @kernel
-def place_zerglings(game: Game, world: World, first: bool) -> None:
-    """Have all of a map's zerglings appear, at the start (`first`) or again."""
-    for k in range(world.zerglings):
-        place_zergling(game, world, k, first)
-
-
-@kernel
-def respawn(game: Game, world: World) -> None:
-    """Have zerglings appear again when all are dead."""
-    if world.zerglings == 0 or not world.respawn:
+def place_zerglings(game: Game, world: World) -> None:
+    """Have all of a map's zerglings appear, at the start or when all are dead."""
+    first = game.loop == 0
+    if world.zerglings == 0 or not (first or world.respawn):
         return
     for z in range(MAX_ZERGLINGS):
         if game.zergling_hp[z] > 0.0:
             return
-    place_zerglings(game, world, False)
-    game.respawns += 1
+    for k in range(world.zerglings):
+        place_zergling(game, world, k, first)
+    if not first:
+        game.respawns += 1
