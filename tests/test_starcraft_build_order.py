@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from functools import lru_cache
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,12 +13,13 @@ from repaint_cli.envs.starcraft.rts.constants import BARRACKS, DEPOT, MARINE
 from repaint_cli.envs.starcraft.rts.engine import MiniRTS
 from repaint_cli.envs.starcraft.rts.maps import BUILD_MARINES
 
+DOCS = Path(__file__).parents[1] / "docs"
 MINES = replace(BUILD_MARINES, scv_after_build="mine")
 
 
 @lru_cache
-def played(scvs, barracks):
-    return timelines(MiniRTS(MINES, 1), scvs, barracks)
+def played(scvs, barracks, spec=MINES):
+    return timelines(MiniRTS(spec, 1), scvs, barracks)
 
 
 def first(events, what):
@@ -36,6 +38,13 @@ def test_it_makes_as_many_marines_as_bots_of_the_same_size_do_in_the_game(
     assert events[-1].what == "end"
     assert abs(events[-1].number - marines) <= tolerance
     assert max(event.number for event in events if event.what == "barracks") == barracks
+
+
+def test_the_manual_says_how_many_marines_it_makes():
+    page = " ".join((DOCS / "starcraft-real.md").read_text(encoding="utf-8").split())
+    waits, mines = played(20, 7, BUILD_MARINES)[-1].number, played(20, 7)[-1].number
+    assert f"it ends with {waits} marines; where they go back to mine" in page
+    assert f'(`env.scv_after_build = "mine"`), with {mines}.' in page
 
 
 def test_things_come_one_after_the_other_as_long_as_they_take():
