@@ -124,8 +124,18 @@ def launch_errors(game: Any) -> Iterator[None]:
         raise GameError(f"StarCraft II refuses the game: {_line(error)}") from error
     except (protocol.ConnectionError, protocol.ProtocolError) as error:
         raise GameError(f"StarCraft II ended while it started: {_line(error)}") from error
+    except (ValueError, LookupError) as error:
+        raise GameError(misunderstood(error)) from error
     except (sc_process.SC2LaunchError, RuntimeError, OSError) as error:
         raise GameError(f"StarCraft II cannot be started: {_line(error)}; {GET_GAME}") from error
+
+
+def misunderstood(error: Exception) -> str:
+    """Say that PySC2 does not know what the game told it, which raised this."""
+    return (
+        f"PySC2 does not understand this StarCraft II ({_line(error)}); it knows versions up to "
+        "5.0.9, and Linux has 4.10"
+    )
 
 
 def _in_use(error: Exception) -> str:
