@@ -17,6 +17,7 @@ from small_pysc2 import (
     unit,
 )
 
+from repaint_cli.envs.starcraft.build_order import BuildOrder
 from repaint_cli.envs.starcraft.names import TERMS
 from repaint_cli.envs.starcraft.pysc2 import encoding
 from repaint_cli.envs.starcraft.pysc2.engine import RealEngine
@@ -30,6 +31,7 @@ from repaint_cli.envs.starcraft.rts.constants import (
     TRAIN_SCV,
 )
 from repaint_cli.envs.starcraft.rts.maps import MAPS
+from repaint_cli.envs.starcraft.simulator import StarCraftSimulator
 
 __all__ = ["play"]
 
@@ -288,3 +290,39 @@ def test_unit_types_are_pysc2s_own():
     table = encoding.unit_types()
     assert table[[18, 19, 47, 21, 45, 48, 105, 341, 483]].tolist() == [1, 2, 2, 3, 4, 5, 6, 7, 7]
     assert table[-1] == 0
+
+
+def test_the_build_order_plays_by_what_the_real_layers_show(play):
+    types, relative = np.zeros((2, 84, 84), int)
+    types[24:43, 20:40], relative[24:43, 20:40] = 18, 1
+    types[30, 12] = SCV
+    relative[30, 12] = 1
+    layers = {"unit_type": types, "player_relative": relative}
+    settings = {"layers": layers, "abilities": (319, 524)}
+    games = play(frame(0, **settings), frame(8, minerals=120, food_used=13, **settings))
+    engine = begin()
+    seen = engine.observe()
+    order = BuildOrder(seen)
+    for _ in range(4):
+        engine.step(order.act(seen)[None])
+        seen = engine.observe()
+    assert games.made[0].calls == [
+        (2, [[0], [30, 33]]), (490, [[0]]),  # an SCV, of the command centre
+        (2, [[0], [12, 30]]), (91, [[0], [3, 59]]),  # a depot, by the SCV
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ["build-marines", "find-and-defeat-zerglings"])
+def test_an_environment_plays_it(play, name):
+    play(frame(0, abilities=ALL), frame(8, abilities=ALL), frame(16, army_count=2))
+    env = StarCraftSimulator(simulator="starcraft", map=name, engine="pysc2").make(2, False, None)
+    seen, _ = env.reset(seed=5)
+    assert seen in env.observation_space
+    env.action_space.seed(1)
+    for _ in range(5):
+        seen, rewards, terminated, truncated, infos = env.step(env.action_space.sample())
+        assert seen in env.observation_space
+    assert not (terminated | truncated).any()
+    assert rewards.shape == (2,)
+    assert set(TERMS) <= infos.keys()
+    env.close()

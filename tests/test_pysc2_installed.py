@@ -114,12 +114,30 @@ def test_the_binary_is_not_there_or_is_none(folder, monkeypatch):
     )
 
 
-def test_the_game_ends_as_it_starts(folder, monkeypatch):
+@pytest.mark.parametrize(
+    ("prints", "last_words"),
+    [
+        ("", "it printed nothing"),
+        (
+            "echo a line; echo libX11.so.6 is absent >&2; echo",
+            "its last line: libX11.so.6 is absent",
+        ),
+    ],
+)
+def test_the_game_ends_as_it_starts(folder, monkeypatch, capfd, prints, last_words):
     binary = install(folder, monkeypatch)
-    binary.write_text("#!/bin/sh\nsleep 0.3\nexit 1\n")
+    binary.write_text(f"#!/bin/sh\n{prints}\nsleep 0.3\nexit 1\n")
     assert refusal() == (
-        f"StarCraft II was started and does not answer; look at what it prints: '{binary.parent}'"
+        f"StarCraft II was started and does not answer ({last_words}); start the binary in "
+        f"'{binary.parent}' by hand to see why"
     )
+    assert capfd.readouterr() == ("", "")
+
+
+def test_what_stands_for_the_binary_is_no_program(folder, monkeypatch):
+    binary = install(folder, monkeypatch)
+    binary.write_text("this is text")
+    assert refusal() == (f"StarCraft II cannot be started: Exec format error: {binary}; {ON_LINUX}")
 
 
 class _Elsewhere(BaseHTTPRequestHandler):

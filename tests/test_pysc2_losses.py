@@ -136,3 +136,19 @@ def test_a_process_is_kept_for_all_episodes(play, said):
     for seed in (3, 4):
         engine.reset(np.array([seed]))
     assert len(games.made) == 1
+
+
+def test_what_pysc2_does_not_know_is_an_error(play, said):
+    unknown = ValueError("Failed to find applicable action for ability_id: 4132")
+    message = (
+        r"^PySC2 does not understand this StarCraft II \(Failed to find applicable action for "
+        r"ability_id: 4132\); it knows versions up to 5.0.9, and Linux has 4.10$"
+    )
+    play(frame(0), unknown)
+    engine = RealEngine(BUILD, 1)
+    engine.reset(np.array([0]))
+    with pytest.raises(GameError, match=message):
+        engine.step(CLICK)
+    play(unknown)
+    with pytest.raises(GameError, match=message):
+        RealEngine(BUILD, 1).reset(np.array([0]))

@@ -11,6 +11,7 @@ from typing import Any
 
 from repaint_cli.envs.output import warn
 from repaint_cli.envs.starcraft.pysc2 import shim
+from repaint_cli.envs.starcraft.pysc2.launch import last_words
 from repaint_cli.envs.starcraft.pysc2.maps import FILES, RELEASE
 from repaint_cli.errors import GameError, some
 
@@ -116,15 +117,25 @@ def launch_errors(game: Any) -> Iterator[None]:
         if "something else" in str(error):
             raise GameError(_in_use(error)) from error
         raise GameError(
-            f"StarCraft II was started and does not answer; look at what it prints: "
-            f"'{game.data_dir}/Versions/Base{game.version.build_version}'"
+            f"StarCraft II was started and does not answer ({last_words()}); start the binary in "
+            f"'{game.data_dir}/Versions/Base{game.version.build_version}' by hand to see why"
         ) from error
     except remote_controller.RequestError as error:
         raise GameError(f"StarCraft II refuses the game: {_line(error)}") from error
     except (protocol.ConnectionError, protocol.ProtocolError) as error:
         raise GameError(f"StarCraft II ended while it started: {_line(error)}") from error
+    except (ValueError, LookupError) as error:
+        raise GameError(misunderstood(error)) from error
     except (sc_process.SC2LaunchError, RuntimeError, OSError) as error:
         raise GameError(f"StarCraft II cannot be started: {_line(error)}; {GET_GAME}") from error
+
+
+def misunderstood(error: Exception) -> str:
+    """Say that PySC2 does not know what the game told it, which raised this."""
+    return (
+        f"PySC2 does not understand this StarCraft II ({_line(error)}); it knows versions up to "
+        "5.0.9, and Linux has 4.10"
+    )
 
 
 def _in_use(error: Exception) -> str:

@@ -13,7 +13,7 @@ from repaint_cli.envs.output import warn
 from repaint_cli.envs.starcraft.names import TERMS
 from repaint_cli.envs.starcraft.pysc2 import commands
 from repaint_cli.envs.starcraft.pysc2.census import Census, selected
-from repaint_cli.envs.starcraft.pysc2.checks import launch_errors
+from repaint_cli.envs.starcraft.pysc2.checks import launch_errors, misunderstood
 from repaint_cli.envs.starcraft.pysc2.maps import longest
 from repaint_cli.envs.starcraft.rts.constants import (
     BUILD_BARRACKS,
@@ -145,7 +145,7 @@ class Game:
             terms of this step (F,), whether the episode terminated, and whether it was truncated.
 
         Raises:
-            GameError: the game was lost in several episodes in a row.
+            GameError: the game was lost several times in a row, or is not understood.
         """
         can = bool(self.available[command])
         before = self.observation
@@ -155,6 +155,8 @@ class Game:
         except _losses() as error:
             self._lose(error, f"at step {self._steps:,}")
             return np.zeros(len(TERMS), np.float32), False, True
+        except (ValueError, LookupError) as error:
+            raise GameError(misunderstood(error)) from error
         self._take(step)
         terms = self._census.count(self.observation)._asdict()
         failed = command in (BUILD_DEPOT, BUILD_BARRACKS) and _any_failure(self.observation)

@@ -17,6 +17,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+from repaint_cli.envs.starcraft.pysc2.launch import launch
 from repaint_cli.errors import GameError
 
 INSTALL = (
@@ -55,6 +56,8 @@ def load() -> None:
         sys.modules[VIEWER] = ModuleType(VIEWER)
         import_module("pysc2.env.sc2_env")
         del sys.modules[VIEWER]
+        process: Any = import_module("pysc2.lib.sc_process")
+        process.StarcraftProcess._launch = launch
 
 
 def load_messages() -> None:
