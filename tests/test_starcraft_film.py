@@ -59,11 +59,11 @@ def test_a_frame_a_step_shows_the_map_and_what_the_agent_sees(name):
 
 
 def test_a_film_plays_the_episode_again():
-    env = simulator().model_copy(update={"minutes": 1.0})
+    env = simulator().model_copy(update={"minutes": 0.3})
     rts = MiniRTS(env.spec, 1)
     rts.reset(np.array([5]))
     player, actions = BuildOrder(rts, 0, 20, 7), []
-    for _ in range(120):
+    for _ in range(36):
         actions.append(player.action())
         rts.step(np.array([actions[-1]]))
     *_, last = film.frames_of(env, played(env, np.array(actions)), 0, "title")
