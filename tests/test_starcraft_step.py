@@ -77,11 +77,14 @@ def test_a_step_equals_the_reference_over_500_random_steps(name):
                 wanted = getattr(reference, field)
                 np.testing.assert_array_equal(found, wanted, f"{field} after step {k}")
     happened = {name for name, count in rts.stats().items() if count[0]}
-    assert happened >= {
-        "base": {"depots_built", "barracks_built", "marines_built", "scvs_trained"},
-        "larger map": {"depots_built", "zerglings_killed", "marines_died"},
-        "fights": {"zerglings_killed"},
-    }[name]
+    assert (
+        happened
+        >= {
+            "base": {"depots_built", "barracks_built", "marines_built", "scvs_trained"},
+            "larger map": {"depots_built", "zerglings_killed", "marines_died"},
+            "fights": {"zerglings_killed"},
+        }[name]
+    )
 
 
 @pytest.mark.parametrize("spec", SPECS, ids=lambda spec: spec.name)
@@ -157,7 +160,7 @@ def test_a_game_that_is_not_active_stands_still():
     assert not phi[1].any()
 
 
-@pytest.mark.parametrize(("spec", "steps"), zip(SPECS, (1800, 1800, 360), strict=True))
+@pytest.mark.parametrize(("spec", "steps"), list(zip(SPECS, (1800, 1800, 360), strict=True)))
 def test_a_game_is_truncated_at_its_last_loop_and_then_stands_still(spec, steps):
     rts = MiniRTS(spec, 1)
     rts.reset(np.zeros(1, int))
