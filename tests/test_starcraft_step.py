@@ -59,6 +59,7 @@ def prepared(name):
         s.marine_hp[0, :30], s.army_count[0], s.food_used[0] = 45, 30, 42
         s.food_cap[0] = 100
         s.marine_x[0, :30], s.marine_y[0, :30] = rng.uniform(44, 60, (2, 30))
+        s.marine_hp[0, :10] = 5
     return rts
 
 
