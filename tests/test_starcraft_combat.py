@@ -95,7 +95,7 @@ def test_no_zergling_is_ever_in_the_base():
             s.marine_x[:, :8] = rng.uniform(44, 46, (128, 8))
             s.marine_y[:, :8] = rng.uniform(19, 37, (128, 8))
             s.marine_hp[:, :8], s.army_count[:] = 45, 8
-    assert chased > 1000  # it was tried
+    assert chased > 100  # some stood at the border
     assert rts.stats()["zerglings_killed"].sum() > 1000
 
 
