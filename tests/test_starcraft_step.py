@@ -240,6 +240,18 @@ def test_seeds_and_rows_must_be_as_many():
         MiniRTS(BUILD_MARINES, 2).reset(np.arange(3))
 
 
+def test_rows_that_are_none_and_arrays_that_do_not_fit_are_named():
+    rts = MiniRTS(BUILD_MARINES, 2)
+    rts.reset(np.arange(2))
+    with pytest.raises(ValueError, match="expected rows from 0 to 1, found 2"):
+        rts.reset(np.array([5]), np.array([2]))
+    with pytest.raises(ValueError, match="expected room for 2 games in screen"):
+        rts.observe(out=Observation.empty(1))
+    short = Observation.empty(2)._replace(available=np.zeros((2, 6), np.uint8))
+    with pytest.raises(ValueError, match="expected room for 2 games in available"):
+        rts.observe(out=short)
+
+
 def test_a_field_that_is_none_is_named():
     with pytest.raises(AttributeError, match="a game has no array 'marine_z'"):
         _ = State(1).marine_z
