@@ -40,7 +40,7 @@ def select_scv(rts, i=0):
 
 
 def wait(rts, steps):
-    return sum(act(rts, TRAIN_MARINE) for _ in range(steps))
+    return sum(act(rts, ATTACK_POINT) for _ in range(steps))
 
 
 def with_structure(rts, kind, x, y, finished=True):
@@ -125,7 +125,7 @@ def test_who_arrives_short_of_minerals_builds_nothing():
         (BUILD_DEPOT, 24.0, 28.5),  # on minerals
         (BUILD_DEPOT, 40.0, 18.4),  # outside the base
         (BUILD_DEPOT, 37.0, 23.0),  # over a depot's corner
-        (BUILD_BARRACKS, 38.4, 22.4),
+        (BUILD_BARRACKS, 37.4, 22.4),
         (BUILD_BARRACKS, 30.0, 19.5),  # only partly in the base
     ],
 )  # fmt: skip

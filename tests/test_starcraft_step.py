@@ -15,7 +15,7 @@ from repaint_cli.envs.starcraft.rts.maps import (
     FIND_AND_DEFEAT_ZERGLINGS,
     MAPS,
 )
-from repaint_cli.envs.starcraft.rts.state import State
+from repaint_cli.envs.starcraft.rts.state import State, bytes_of
 
 SPECS = list(MAPS.values())
 
@@ -59,6 +59,7 @@ def prepared(name):
         s.marine_hp[0, :30], s.army_count[0], s.food_used[0] = 45, 30, 42
         s.food_cap[0] = 100
         s.marine_x[0, :30], s.marine_y[0, :30] = rng.uniform(44, 60, (2, 30))
+        s.marine_hp[0, :10] = 5
     return rts
 
 
@@ -146,7 +147,7 @@ def test_games_of_some_rows_begin_anew_and_others_stay():
     before = rts.snapshot()
     rts.reset(np.array([9]), np.array([1]))
     assert rts.state.loop.tolist() == [8, 0, 8]
-    assert rts.snapshot()[[0, 2]].tobytes() == before[[0, 2]].tobytes()
+    np.testing.assert_array_equal(bytes_of(rts.snapshot())[[0, 2]], bytes_of(before)[[0, 2]])
 
 
 def test_a_game_that_is_not_active_stands_still():
@@ -160,7 +161,7 @@ def test_a_game_that_is_not_active_stands_still():
     assert not phi[1].any()
 
 
-@pytest.mark.parametrize(("spec", "steps"), zip(SPECS, (1800, 1800, 360), strict=True))
+@pytest.mark.parametrize(("spec", "steps"), list(zip(SPECS, (1800, 1800, 360), strict=True)))
 def test_a_game_is_truncated_at_its_last_loop_and_then_stands_still(spec, steps):
     rts = MiniRTS(spec, 1)
     rts.reset(np.zeros(1, int))
@@ -237,6 +238,18 @@ def test_a_map_with_wrong_numbers_is_refused(settings, message):
 def test_seeds_and_rows_must_be_as_many():
     with pytest.raises(ValueError, match="expected 2 seeds"):
         MiniRTS(BUILD_MARINES, 2).reset(np.arange(3))
+
+
+def test_rows_that_are_none_and_arrays_that_do_not_fit_are_named():
+    rts = MiniRTS(BUILD_MARINES, 2)
+    rts.reset(np.arange(2))
+    with pytest.raises(ValueError, match="expected rows from 0 to 1, found 2"):
+        rts.reset(np.array([5]), np.array([2]))
+    with pytest.raises(ValueError, match="expected room for 2 games in screen"):
+        rts.observe(out=Observation.empty(1))
+    short = Observation.empty(2)._replace(available=np.zeros((2, 6), np.uint8))
+    with pytest.raises(ValueError, match="expected room for 2 games in available"):
+        rts.observe(out=short)
 
 
 def test_a_field_that_is_none_is_named():
