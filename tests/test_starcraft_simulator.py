@@ -5,6 +5,8 @@ import json
 import numpy as np
 import pytest
 
+from repaint_cli.envs.starcraft.build_timeline import Event
+from repaint_cli.envs.starcraft.engines import table_of
 from repaint_cli.envs.starcraft.simulator import StarCraftSimulator
 from repaint_cli.errors import CardError, RenderError, TeacherMismatch
 from repaint_cli.policies.weights import load
@@ -216,3 +218,37 @@ def test_the_game_itself_is_not_filmed(games):
     env = read_task("both.toml").with_settings(["env.engine=pysc2"]).env
     with pytest.raises(RenderError, match="the game has its own replays"):
         env.film(None, games / "film.mp4", "x", 1)
+
+
+# -- engines
+
+
+def test_engines_are_compared_by_when_things_came(games, repaint):
+    said = repaint("tasks", "check", "marines.toml", "--engine", "mini")
+    assert said.code == 0, said.err
+    assert [line.split() for line in said.out.splitlines()] == [["mini,", "s"], ["marines", "0"]]
+    columns = {
+        "pysc2": {("depot", 1): Event(800, "depot", 1), ("end", 3): Event(960, "end", 3)},
+        "mini": {
+            ("depot", 1): Event(768, "depot", 1), ("depot", 2): Event(900, "depot", 2),
+            ("end", 2): Event(960, "end", 2),
+        },
+    }  # fmt: skip
+    assert [line.split() for line in table_of(columns)] == [
+        ["pysc2,", "s", "mini,", "s"], ["depot", "1", "50.0", "48.0"], ["depot", "2", "-", "56.2"],
+        ["marines", "3", "2"],
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("task", "engine", "message"),
+    [
+        ("marines.toml", "fake", "expected --engine mini or pysc2, found 'fake'"),
+        ("both.toml", "mini", "expected the map build-marines for a build order"),
+        ("reacher", "mini", "expected a task that has several engines, found 'gymnasium'"),
+    ],
+)
+def test_engines_that_cannot_be_compared_are_named(games, repaint, task, engine, message):
+    said = repaint("tasks", "check", task, "--engine", engine)
+    assert said.code == CardError.exit_code
+    assert message in said.err

@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
 from pydantic import Field, field_validator
 
+from repaint_cli.envs.checked_file import CheckedFile
 from repaint_cli.envs.racer.mirror import symmetries_of, unpaired_action
 from repaint_cli.envs.racer.names import BOT_RECORDS, BOT_TERMS, RECORDS, STATUS, TERMS
-from repaint_cli.envs.simulator import CheckedFile, Simulator
+from repaint_cli.envs.simulator import Simulator
 from repaint_cli.errors import CardError, RepaintError
 from repaint_cli.settings import EvalConfig
 from repaint_cli.symmetry import Symmetry
