@@ -150,8 +150,8 @@ def check(
         option(
             OPTIONS,
             "NAME",
-            "Instead, play a fixed course in this engine of the task's simulator and in its own, and "
-            "print both timelines.",
+            "Instead, play a fixed course in this engine of the task's simulator and in its own, "
+            "and print both timelines.",
         ),
     ] = None,
 ) -> None:
