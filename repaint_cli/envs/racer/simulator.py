@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from repaint_cli.envs.reward_functions import RewardFunctions
     from repaint_cli.envs.simulator import Environments
 
-
 LEAST_LIMIT = 1500
 """Of an episode, steps, where the card says none."""
 
