@@ -14,6 +14,7 @@ from repaint_cli.envs.starcraft.rts.maps import (
     BUILD_MARINES_FDZ,
     FIND_AND_DEFEAT_ZERGLINGS,
     MAPS,
+    Rectangle,
 )
 from repaint_cli.envs.starcraft.rts.state import State, bytes_of
 
@@ -227,6 +228,8 @@ def test_an_action_that_is_none_is_named(action, message):
         ({"minutes": 0}, "expected minutes from 0.01 to 1440.0, found 0"),
         ({"marines": -2}, "expected marines from 0 to 100, found -2"),
         ({"patches": ((1.0, 1.0),) * 9}, "expected at most 8 patches, found 9"),
+        ({"region": Rectangle(3, 3, 4, 60)}, "expected a region of at least 2 × 2 units"),
+        ({"region": Rectangle(3, 3, 66, 60)}, "expected a region of at least 2 × 2 units"),
         ({"camera": BUILD_MARINES.camera._replace(width=0.0)}, "expected a camera 1 to 256 units"),
     ],
 )
