@@ -135,6 +135,8 @@ def test_the_network_has_the_size_of_sc2les_first():
     assert shapes["policy.vector.weight"] == (12, 64)
     assert shapes["policy.dense.weight"] == (2 * 32 * 9 * 9 + 64, 256)
     assert shapes["policy.head.weight"] == (256, 7 + 84 + 84)
+    masked = card.with_settings(["net.mask=true"])  # which needs observations of what is available
+    assert leaves_of(spaces_of(masked), masked.net) == leaves
     assert 1.40e6 < sum(np.prod(shape) for shape in shapes.values()) < 1.44e6
 
 
