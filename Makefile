@@ -20,7 +20,7 @@ $(INSTALLED): pyproject.toml constraints.txt
 	touch $@
 
 $(READY): $(INSTALLED)
-	$(BIN)/python -m pip install --quiet -c constraints.txt -e '.[mujoco,dev,docs]'
+	$(BIN)/python -m pip install --quiet -c constraints.txt -e '.[mujoco,sc2,dev,docs]'
 	touch $@
 
 demo: $(INSTALLED)

@@ -11,7 +11,8 @@ RepaintError                1   anything the program can explain in a line
 ├── CheckpointError         5   a weights file is absent, damaged, or of another shape
 ├── DivergedError           6   a loss, a weight or an observation is not finite
 ├── StoreError              7   a file or folder cannot be written, or exists already
-└── RenderError             8   no offscreen renderer works here
+├── RenderError             8   no offscreen renderer works here
+└── GameError               9   a game that is no part of repaint is absent or does not run
 
 OSError                     7   the operating system refuses something else
 MemoryError                 1   there is not enough memory
@@ -144,6 +145,12 @@ class RenderError(RepaintError):
     """No offscreen renderer works on this machine."""
 
     exit_code = 8
+
+
+class GameError(RepaintError):
+    """A game that is no part of repaint, such as StarCraft II, is absent or does not run."""
+
+    exit_code = 9
 
 
 class Terminated(BaseException):

@@ -1,12 +1,14 @@
 """How inner loops are compiled: two decorators, with strict and with fast arithmetic.
 
 Kernels release the interpreter lock, so that threads can share the work. They are cached on disk,
-and the cache knows when a kernel's own file changes but no other: a kernel uses only what is in
-its file, or is passed in.
+and the cache knows when a file in a kernel's own folder changes but no other: a kernel uses only
+what is in its folder, or is passed in.
 """
 
 import os
 from collections.abc import Callable
+from functools import cache
+from pathlib import Path
 from time import perf_counter
 from typing import Any, TypeVar, cast
 
@@ -53,6 +55,17 @@ def _compiled(function: _Function, **options: Any) -> _Function:
     config = vars(numba.config)
     before, config["CACHE_DIR"] = config["CACHE_DIR"], _FOLDER
     try:
-        return cast(_Function, numba.njit(nogil=True, cache=bool(_FOLDER), **options)(function))
+        compiled = numba.njit(nogil=True, cache=bool(_FOLDER), **options)(function)
     finally:
         config["CACHE_DIR"] = before  # that of kernels that are not ours
+    if _FOLDER:  # numba's own stamp is that of the function's file alone
+        folder = Path(function.__code__.co_filename).parent
+        compiled._cache._cache_file._source_stamp = _stamp(folder)
+    return cast(_Function, compiled)
+
+
+@cache
+def _stamp(folder: Path) -> tuple[tuple[str, int, int], ...]:
+    """Return what tells whether a file of Python in a folder was changed: names, times, sizes."""
+    files = sorted(folder.glob("*.py"))
+    return tuple((file.name, file.stat().st_mtime_ns, file.stat().st_size) for file in files)

@@ -8,6 +8,7 @@ from repaint_cli.envs.simulator import Simulator
 REGISTRY = {
     "gymnasium": "repaint_cli.envs.gymnasium.simulator:GymnasiumSimulator",
     "racer": "repaint_cli.envs.racer.simulator:RacerSimulator",
+    "starcraft": "repaint_cli.envs.starcraft.simulator:StarCraftSimulator",
 }
 """The class of each simulator by its name in a card, as module:class; imported when needed."""
 
