@@ -2,6 +2,7 @@
 
 import io
 import json
+from math import log
 from pathlib import Path
 
 import numpy as np
@@ -259,6 +260,16 @@ def test_a_warm_start_may_leave_the_critic_and_set_the_spread_anew(home, what):
         else:
             taken = name.startswith("policy.") or what == "policy+value"
             assert torch.equal(leaf[0], teacher[name][0] if taken else fresh[name][0]), name
+
+
+@pytest.mark.parametrize(("least", "begun"), [(0.01, -2.0), (0.5, log(0.5))])
+def test_a_warm_start_explores_at_least_so_much(home, least, begun):
+    path = add_teacher(home / "home" / "zoo", settings=["net.log_std_init=-2"])
+    settings = [f"transfer.warm_start_min_std={least}", "ppo.n_steps=204", "ppo.n_envs=4"]
+    card = read_task("reacher").with_settings(settings)
+    plan = Plan(card, "warm-start", [0], home / "two", (TeacherFile(path),))
+    log_std = Experiment.prepare(plan).learner.student.weights["policy.log_std"]
+    assert log_std.detach().numpy() == pytest.approx(begun)
 
 
 def test_auto_needs_no_number_and_counts_what_it_looked_at(repaint, home):

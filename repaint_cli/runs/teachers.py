@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import log
 
 import numpy as np
 import torch
@@ -198,6 +199,7 @@ def warm_start(student: ActorCritic, loaded: RunTeachers) -> None:
     task = loaded.target
     _check_same_networks(loaded.cards[0], task)
     name, log_std = loaded.cards[0].name, task.transfer.warm_start_log_std
+    least = task.transfer.warm_start_min_std
     leaves = dict(weights.policy_tensors(loaded.networks[0], 0))
     own = weights.policy_tensors(student)
     if task.transfer.warm_start == "policy":
@@ -207,6 +209,8 @@ def warm_start(student: ActorCritic, loaded: RunTeachers) -> None:
         if "policy.log_std" not in own:
             raise CardError("transfer.warm_start_log_std is for continuous actions; leave it out")
         leaves["policy.log_std"] = torch.full_like(own["policy.log_std"][0], log_std)
+    if least and "policy.log_std" in own:
+        leaves["policy.log_std"] = leaves["policy.log_std"].clamp(min=log(least))
     try:
         weights.load_policy(student, leaves, f"teacher '{name}'")
     except CheckpointError as error:

@@ -30,14 +30,19 @@ AUTOMATIC = {
         "select.rule",
         "select.threshold",
     ),
+    "transfer.warm_start_min_std=0.37": (
+        "transfer.warm_start_min_std",
+        "transfer.warm_start_log_std",
+    ),
     "transfer.distill_epochs=40": ("transfer.distill_epochs",),
     "transfer.phases=auto": ("transfer.phases", "transfer.representation", "transfer.instance"),
     "transfer.kickstart_schedule=auto": ("transfer.kickstart_schedule", "transfer.kickstart_coef"),
     "select.rule=auto": ("select.rule", "select.threshold"),
     f"transfer.iterations={ENDLESS}": ("transfer.iterations",),
 }
-"""Settings with which start, ratio, β, ζ and the end of the transfer are measured, and teachers are
-distilled; one of those behind them decides it by hand."""
+"""Settings with which start, ratio, β, ζ and the end of the transfer are measured, teachers are
+distilled, and students explore whatever they start from, as `choose-reacher-spread` chose it; one
+of those behind them decides it by hand."""
 
 
 SAYING_HOW = ("transfer.", "select.", "ppo.objective")

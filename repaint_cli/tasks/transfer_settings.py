@@ -46,6 +46,8 @@ class TransferConfig(Settings):
     """What a start from the teacher takes of it; the normaliser belongs to both."""
     warm_start_log_std: float | None = None
     """log σ to begin a warm start with, in place of the teacher's; continuous actions."""
+    warm_start_min_std: float = Field(0.0, ge=0)
+    """Floor on the σ that a warm start begins with; continuous actions."""
     distill_epochs: int = Field(0, ge=0)
     """Once, after the first update with β > 0: so many epochs of the cross-entropy to the teacher
     alone, with weight 1, on the student's own samples; the policy moves, with α₁, and no critic."""
