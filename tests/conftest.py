@@ -1,3 +1,4 @@
+import shutil
 import sys
 from dataclasses import dataclass
 from importlib.util import find_spec
@@ -82,3 +83,33 @@ def repaint(home, monkeypatch, capsys):
         return Said(code, *capsys.readouterr())
 
     return type_in
+
+
+_TRAINED = {}
+"""Folders of runs by the words that trained them, but for where."""
+
+
+@pytest.fixture
+def lay(repaint, home, tmp_path_factory, monkeypatch):
+    """Lay a run from scratch where `--run` says, as if its command were typed here.
+
+    The same words are typed once for all tests, in a folder of their own.
+    """
+
+    def lay_run(*words):
+        place, rest, each = "", (), map(str, words)
+        for word in each:
+            if word == "--run":  # of two, the second counts
+                place = next(each)
+            else:
+                rest += (word,)
+        if rest not in _TRAINED:
+            folder = tmp_path_factory.mktemp("trained")
+            with monkeypatch.context() as patch:
+                patch.chdir(folder)
+                patch.setenv("REPAINT_HOME", str(folder / "home"))
+                assert repaint(*rest, "--run", "run").code == 0
+            _TRAINED[rest] = folder / "run"
+        shutil.copytree(_TRAINED[rest], home / place, copy_function=shutil.copy)
+
+    return lay_run
