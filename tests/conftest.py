@@ -1,3 +1,4 @@
+import gc
 import shutil
 import sys
 from dataclasses import dataclass
@@ -32,6 +33,17 @@ settings.load_profile("repaint")
 def pytest_configure(config):
     # gradients are views into one buffer on purpose; pytest's filters replace the one nets.py sets
     config.addinivalue_line("filterwarnings", "ignore:grad and param do not obey the gradient")
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection():
+    """Look for garbage among what a test makes, and not again and again among all the modules."""
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.freeze()
+        gc.enable()
 
 
 @pytest.fixture
