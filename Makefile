@@ -2,26 +2,32 @@
 PYTHON ?= $(firstword $(foreach name,python3.11 python3.12 python3.13,$(shell command -v $(name))) python3)
 BIN := .venv/bin
 LIGHT := .venv-light/bin
+TORCH := .venv/.torch
 INSTALLED := .venv/.installed
 READY := .venv/.ready-to-develop
 AUDITOR := .venv-audit/bin/pip-audit
 # Torch's builds without CUDA, some 200 MB instead of gigabytes; offline, pip goes on without them.
-TORCH_INDEX := --retries 2 --extra-index-url https://download.pytorch.org/whl/cpu
+# What torch needs comes with the rest: that index is asked for one package.
+TORCH_INDEX := --no-deps --retries 2 --extra-index-url https://download.pytorch.org/whl/cpu
 
 .PHONY: install demo docs test test-slow test-light check bench audit
 
 install: $(INSTALLED)
 	@echo "repaint is in .venv; in each new terminal: . .venv/bin/activate"
 
-$(INSTALLED): pyproject.toml constraints.txt
+$(TORCH): pyproject.toml constraints.txt
 	$(PYTHON) -m venv .venv
 	$(BIN)/python -m pip install --quiet -c constraints.txt $(TORCH_INDEX) torch
+	touch $@
+
+$(INSTALLED): $(TORCH)
 	$(BIN)/python -m pip install --quiet -c constraints.txt -e '.[mujoco]'
 	touch $@
 
-$(READY): $(INSTALLED)
+# All of it at once: what users have, and what the checks need.
+$(READY): $(TORCH)
 	$(BIN)/python -m pip install --quiet -c constraints.txt -e '.[mujoco,sc2,dev,docs]'
-	touch $@
+	touch $(INSTALLED) $@
 
 demo: $(INSTALLED)
 	PATH="$(CURDIR)/$(BIN):$$PATH" sh tools/demo.sh
@@ -35,9 +41,10 @@ check: $(READY)
 	$(BIN)/ruff check
 	$(BIN)/mypy
 
-# On two cores, since half of the tests are processes that are started or killed.
+# On two cores, since half of the tests are processes that are started or killed; their bytecode is
+# kept, whatever the environment says, or each would compile all of it anew.
 test: check
-	$(BIN)/pytest --numprocesses 2 --dist worksteal
+	PYTHONDONTWRITEBYTECODE= $(BIN)/pytest --numprocesses 2 --dist worksteal
 
 test-slow: $(READY)
 	$(BIN)/pytest -m slow

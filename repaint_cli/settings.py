@@ -7,7 +7,10 @@ standard terms, the paper's symbol is in each sentence.
 import ast
 import inspect
 import textwrap
+from collections.abc import Mapping
+from functools import cache
 from itertools import pairwise
+from types import MappingProxyType
 from typing import Literal
 
 from pydantic import (
@@ -31,18 +34,19 @@ class Settings(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, defer_build=True)
 
     @classmethod
-    def sentences(cls) -> dict[str, str]:
-        """Return the sentence under each field, read from the source on each call."""
+    @cache
+    def sentences(cls) -> Mapping[str, str]:
+        """Return the sentence under each field, read from the source on the first call."""
         bases = [base for base in cls.__bases__ if issubclass(base, Settings)]
         inherited = {name: text for base in bases for name, text in base.sentences().items()}
         (body,) = ast.parse(textwrap.dedent(inspect.getsource(cls))).body
         assert isinstance(body, ast.ClassDef)
-        return inherited | {
+        return MappingProxyType(inherited | {
             field.target.id: inspect.cleandoc(str(text.value.value))
             for field, text in pairwise(body.body)
             if isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name)
             and isinstance(text, ast.Expr) and isinstance(text.value, ast.Constant)
-        }  # fmt: skip
+        })  # fmt: skip
 
 
 def first_problem(error: ValidationError) -> str:

@@ -1,3 +1,5 @@
+import gc
+import shutil
 import sys
 from dataclasses import dataclass
 from importlib.util import find_spec
@@ -31,6 +33,17 @@ settings.load_profile("repaint")
 def pytest_configure(config):
     # gradients are views into one buffer on purpose; pytest's filters replace the one nets.py sets
     config.addinivalue_line("filterwarnings", "ignore:grad and param do not obey the gradient")
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection():
+    """Look for garbage among what a test makes, and not again and again among all the modules."""
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.freeze()
+        gc.enable()
 
 
 @pytest.fixture
@@ -82,3 +95,33 @@ def repaint(home, monkeypatch, capsys):
         return Said(code, *capsys.readouterr())
 
     return type_in
+
+
+_TRAINED = {}
+"""Folders of runs by the words that trained them, but for where."""
+
+
+@pytest.fixture
+def lay(repaint, home, tmp_path_factory, monkeypatch):
+    """Lay a run from scratch where `--run` says, as if its command were typed here.
+
+    The same words are typed once for all tests, in a folder of their own.
+    """
+
+    def lay_run(*words):
+        place, rest, each = "", (), map(str, words)
+        for word in each:
+            if word == "--run":  # of two, the second counts
+                place = next(each)
+            else:
+                rest += (word,)
+        if rest not in _TRAINED:
+            folder = tmp_path_factory.mktemp("trained")
+            with monkeypatch.context() as patch:
+                patch.chdir(folder)
+                patch.setenv("REPAINT_HOME", str(folder / "home"))
+                assert repaint(*rest, "--run", "run").code == 0
+            _TRAINED[rest] = folder / "run"
+        shutil.copytree(_TRAINED[rest], home / place, copy_function=shutil.copy)
+
+    return lay_run

@@ -107,17 +107,17 @@ def test_three_iterations_in_a_row_under_scratch():
     assert kinds(5) == []  # where the reference has ended
 
 
-def test_the_newest_run_from_scratch_beside_a_run_is_its_reference(repaint, home):
+def test_the_newest_run_from_scratch_beside_a_run_is_its_reference(repaint, lay, home):
     folder, card = (
         home / "runs" / "new",
         read_task("reacher").with_settings(["ppo.n_steps=204", "ppo.n_envs=4", "eval.episodes=2"]),
     )
     assert reference_of(folder, card, "ppo") is None
-    repaint(*SCRATCH, "--run", "runs/one")
-    repaint(*SCRATCH, "--run", "runs/other", "--set", "reward.reward_ctrl=2")
+    lay(*SCRATCH, "--run", "runs/one")
+    lay(*SCRATCH, "--run", "runs/other", "--set", "reward.reward_ctrl=2")
     (home / "runs" / "damaged").mkdir()
     (home / "runs" / "damaged" / "run.json").write_text("{")
-    repaint(*SCRATCH, "--run", "runs/newest", "--seeds", 2)
+    lay(*SCRATCH, "--run", "runs/newest", "--seeds", 2)
     os.utime(home / "runs" / "one" / "run.json", (1, 1))
     assert reference_of(folder, card, "ppo").shape == (2, 2)
     assert reference_of(folder, card, "q-learning") is None

@@ -157,9 +157,9 @@ def test_eval_keeps_its_other_files_where_nothing_renders(repaint, home, monkeyp
 
 
 @pytest.fixture
-def two_runs(repaint, home):
+def two_runs(repaint, lay, home):
     add_teacher(home / "home" / "zoo")
-    repaint(*SCRATCH, "--run", "one")
+    lay(*SCRATCH, "--run", "one")
     repaint("transfer", "--task", "reacher", "--teacher", "old-hand", "--run", "two", *QUICK)
     return home
 
@@ -372,9 +372,9 @@ def test_other_settings_for_an_evaluation_leave_the_runs_own_alone(repaint, home
     )
 
 
-def test_compare_draws_no_paths_of_several_places(repaint, home):
+def test_compare_draws_no_paths_of_several_places(repaint, lay, home):
     repaint("transfer", "--task", "racer-inner", "--method", "scratch", "--run", "a", *QUICK_LAP)
-    repaint(*SCRATCH, "--run", "b")
+    lay(*SCRATCH, "--run", "b")
     said = repaint("compare", "a", "b", "--trajectories")
     assert said.code == 3
     assert said.err == (

@@ -301,9 +301,9 @@ def test_durations_are_read_at_a_glance(seconds, said):
 
 
 @pytest.fixture
-def two_runs(repaint, home):
+def two_runs(repaint, lay, home):
     add_teacher(home / "home" / "zoo")
-    repaint(*SCRATCH, "--run", "one")
+    lay(*SCRATCH, "--run", "one")
     words = [
         "transfer",
         "--task",
@@ -396,17 +396,17 @@ def test_compare_does_without_a_scratch_run_and_passes_over_runs_that_never_bega
     assert (only["run"], printed["target"], only["k"]) == ("repaint from old-hand", None, None)
 
 
-def test_compare_refuses_runs_of_several_tasks(repaint, home):
-    repaint(*SCRATCH, "--run", "one")
-    repaint(*SCRATCH, "--task", "reacher-gentle", "--run", "two")
+def test_compare_refuses_runs_of_several_tasks(repaint, lay, home):
+    lay(*SCRATCH, "--run", "one")
+    lay(*SCRATCH, "--task", "reacher-gentle", "--run", "two")
     said = repaint("compare", "one", "two")
     assert said.code == 3
     assert said.err == "error: expected runs of one task, found reacher, reacher-gentle\n"
 
 
-def test_compare_refuses_runs_of_one_name_and_other_rewards(repaint, home):
-    repaint(*SCRATCH, "--run", "one")
-    repaint(*SCRATCH, "--set", "reward.reward_ctrl=2", "--run", "two")
+def test_compare_refuses_runs_of_one_name_and_other_rewards(repaint, lay, home):
+    lay(*SCRATCH, "--run", "one")
+    lay(*SCRATCH, "--set", "reward.reward_ctrl=2", "--run", "two")
     said = repaint("compare", "one", "two")
     assert said.code == 3
     assert said.err == (
@@ -414,9 +414,9 @@ def test_compare_refuses_runs_of_one_name_and_other_rewards(repaint, home):
     )
 
 
-def test_compare_tells_runs_of_one_name_and_other_lengths_apart(repaint, home):
-    repaint(*SCRATCH, "--run", "a/scratch")
-    repaint(*SCRATCH, "--run", "b/scratch", "--seed", 3, "--iterations", 4)
+def test_compare_tells_runs_of_one_name_and_other_lengths_apart(repaint, lay, home):
+    lay(*SCRATCH, "--run", "a/scratch")
+    lay(*SCRATCH, "--run", "b/scratch", "--seed", 3, "--iterations", 4)
     said = repaint("compare", "a/scratch", "b/scratch")
     longer = "scratch (seed 3, n_iterations 4)"
     assert f"run 2 {longer}" in " ".join(said.out.split())

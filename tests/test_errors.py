@@ -264,8 +264,8 @@ def test_each_misfit_is_named_in_one_line(repaint, home, zoo):
     assert said.code == MISMATCH
 
 
-def test_a_run_and_a_task_that_do_not_fit(repaint, home):
-    repaint(*SCRATCH, *QUICK, "--run", "run")
+def test_a_run_and_a_task_that_do_not_fit(repaint, lay, home):
+    lay(*SCRATCH, *QUICK, "--run", "run")
     message = (
         "policies in run have 10 observations and 2 continuous actions, task 'racer-inner' has "
         "120×160×1 observations and 10 discrete actions"
@@ -327,8 +327,8 @@ def test_damaged_teachers(repaint, home, zoo, words, damage, message):
     assert not (home / "runs").exists()
 
 
-def test_a_learners_checkpoint_is_no_teacher(repaint, home):
-    repaint(*SCRATCH, *QUICK, "--run", "run")
+def test_a_learners_checkpoint_is_no_teacher(repaint, lay, home):
+    lay(*SCRATCH, *QUICK, "--run", "run")
     words = ["transfer", "--task", "reacher", "--teacher", "run/checkpoint.safetensors"]
     check(repaint, home, words, CHECKPOINT, "its card does not fit: name: Field required")
 

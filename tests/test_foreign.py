@@ -70,8 +70,8 @@ def test_an_export_leaves_a_page_of_the_user_alone(repaint, home):
     assert page.read_text().startswith("# reacher-gentle")
 
 
-def test_a_comparison_leaves_files_of_the_user_alone(repaint, home):
-    repaint(*SCRATCH)
+def test_a_comparison_leaves_files_of_the_user_alone(repaint, lay, home):
+    lay(*SCRATCH)
     (home / "report").mkdir()
     for place in ("notes.md", "compare.png", "report/curves.csv"):
         (home / place).write_text("mine")
@@ -125,8 +125,8 @@ def test_a_refusal_among_thousands_of_teachers_is_a_line(repaint, home):
         assert (said.err.count("\n"), len(said.err) < 700) == (1, True)
 
 
-def test_a_record_of_too_many_seeds_is_refused(repaint, home):
-    repaint(*SCRATCH)
+def test_a_record_of_too_many_seeds_is_refused(repaint, lay, home):
+    lay(*SCRATCH)
     path = RunFolder(home / "run").record
     record = json.loads(path.read_text()) | {"seeds": list(range(60_000))}
     path.write_text(json.dumps(record))

@@ -3,6 +3,7 @@
 import inspect
 import json
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -66,10 +67,22 @@ def old_hand(home):
     return add_teacher(home / "home" / "zoo")
 
 
+@pytest.fixture(scope="module")
+def scratch(tmp_path_factory):
+    """A run from scratch, two seeds, which tests may copy."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(tmp_path_factory.mktemp("scratch"))
+        patch.setenv("REPAINT_HOME", "home")
+        trained = repaint_cli.transfer("reacher", method="scratch", seeds=range(2), **SHORT)
+        return trained.run.folder.absolute()
+
+
 @pytest.fixture
-def folder(home):
-    """A run from scratch, two seeds."""
-    return repaint_cli.transfer("reacher", method="scratch", seeds=range(2), **SHORT).run.folder
+def folder(home, scratch):
+    """A run from scratch, two seeds, where it would have been trained."""
+    folder = Path("runs") / "reacher" / scratch.name
+    shutil.copytree(scratch, folder, copy_function=shutil.copy)
+    return folder
 
 
 def in_python(code):

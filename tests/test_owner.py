@@ -26,19 +26,19 @@ WHILE_IT_BEGINS = [
 ]
 
 
-def test_a_resume_that_is_late_for_its_lock_reads_what_another_has_done(repaint, home):
-    repaint(*SCRATCH)
+def test_a_resume_that_is_late_for_its_lock_reads_what_another_has_done(repaint, lay, home):
+    lay(*SCRATCH)
     late = Delayed(["transfer", "--resume", "run"], BEFORE_THE_LOCK)
     late.wait()
     assert repaint("transfer", "--resume", "run", "--iterations", 4).code == 0
     assert late.go_on() == 0
-    repaint(*SCRATCH, "--run", "calm", "--iterations", 4)
+    lay(*SCRATCH, "--run", "calm", "--iterations", 4)
     assert_same(home / "run", home / "calm")
 
 
 @pytest.mark.parametrize("place", WITH_THE_LOCK)
-def test_a_run_that_another_process_goes_on_with_is_refused(repaint, home, place):
-    repaint(*SCRATCH)
+def test_a_run_that_another_process_goes_on_with_is_refused(repaint, lay, home, place):
+    lay(*SCRATCH)
     first = Delayed(["transfer", "--resume", "run", "--iterations", 3], place)
     first.wait()
     before = files_below(home / "run")
@@ -77,8 +77,8 @@ def test_the_folders_of_two_comparisons_are_two(home):
     assert [make_new(home / "runs" / "compare").name for _ in range(2)] == ["compare", "compare-2"]
 
 
-def test_an_evaluation_of_a_run_that_trains_has_a_folder_of_its_own(repaint, home):
-    repaint(*SCRATCH)
+def test_an_evaluation_of_a_run_that_trains_has_a_folder_of_its_own(repaint, lay, home):
+    lay(*SCRATCH)
     before = files_below(home / "run")
     with folder_lock(home / "run"):
         said = repaint("eval", "run")

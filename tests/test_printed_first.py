@@ -13,9 +13,9 @@ SCRATCH = ["transfer", "--task", "reacher", "--method", "scratch", *QUICK]
 
 
 @pytest.fixture
-def run(repaint, home):
+def run(repaint, lay, home):
     """A run, beside a file that is no folder."""
-    assert repaint(*SCRATCH, "--run", "run").code == 0
+    lay(*SCRATCH, "--run", "run")
     (home / "file").write_text("no folder")
     return home / "run"
 
@@ -44,8 +44,8 @@ def test_paths_that_cannot_be_drawn_cost_no_table(repaint, run):
     assert (printed.code, printed.out) == (StoreError.exit_code, "")
 
 
-def test_each_run_s_table_is_printed_once_it_has_played(repaint, run, monkeypatch):
-    repaint(*SCRATCH, "--run", "two")
+def test_each_run_s_table_is_printed_once_it_has_played(repaint, lay, run, monkeypatch):
+    lay(*SCRATCH, "--run", "two")
     real, calls = comparing.evaluate, []
 
     def stops_at_the_second(*args, **options):

@@ -55,7 +55,8 @@ def bits(tensors):
 
 
 def assert_same(folder, other):
-    found, wanted = contents(folder), contents(other)
+    """Check what a run has written against another, or against its contents."""
+    found, wanted = contents(folder), other if isinstance(other, dict) else contents(other)
     for name, value in wanted.items():
         assert found[name] == value, name
 
@@ -69,6 +70,7 @@ def assert_same(folder, other):
 def test_a_run_killed_again_and_again_ends_as_an_undisturbed_one(tmp_path, kind, kills):
     (tmp_path / "calm").mkdir()
     killed_runs.go_on(kind, tmp_path / "calm" / "run")
+    calm = contents(tmp_path / "calm" / "run")
     deaths, fate, number = 0, 0, 0
     while deaths < kills:
         folder = tmp_path / f"wild-{number}" / "run"
@@ -76,11 +78,11 @@ def test_a_run_killed_again_and_again_ends_as_an_undisturbed_one(tmp_path, kind,
         if killed_runs.killed(kind, folder, fate):
             deaths += 1
         else:
-            assert_same(folder, tmp_path / "calm" / "run")
+            assert_same(folder, calm)
             number += 1
         fate += 1
     killed_runs.go_on(kind, folder)
-    assert_same(folder, tmp_path / "calm" / "run")
+    assert_same(folder, calm)
 
 
 @pytest.mark.parametrize(
@@ -125,9 +127,9 @@ def test_more_iterations_are_those_of_a_longer_run(tmp_path, kind):
     assert_same(plan.folder, tmp_path / "long")
 
 
-def test_resume_from_the_command_line(repaint, home):
-    assert repaint(*SCRATCH).code == 0
-    assert repaint(*SCRATCH, "--run", "long", "--iterations", 4).code == 0
+def test_resume_from_the_command_line(repaint, lay, home):
+    lay(*SCRATCH)
+    lay(*SCRATCH, "--run", "long", "--iterations", 4)
     seconds = record_of(home / "run")["seconds"]
     said = repaint("transfer", "--resume", "run", "--iterations", 4)
     assert said.code == 0
@@ -137,8 +139,8 @@ def test_resume_from_the_command_line(repaint, home):
     assert record_of(home / "run")["seconds"] >= seconds
 
 
-def test_a_finished_run_is_finished_again(repaint, home):
-    repaint(*SCRATCH)
+def test_a_finished_run_is_finished_again(repaint, lay, home):
+    lay(*SCRATCH)
     before = contents(home / "run")
     assert repaint("transfer", "--resume", "run").code == 0
     assert contents(home / "run") == before
@@ -178,8 +180,8 @@ def test_a_teacher_that_was_all_but_done(repaint, home, monkeypatch):
         (["transfer"], UsageError, "expected --task NAME (repaint tasks list), or --resume RUN"),
     ],
 )  # fmt: skip
-def test_what_cannot_be_resumed_so(repaint, home, words, error, text):
-    repaint(*SCRATCH)
+def test_what_cannot_be_resumed_so(repaint, lay, home, words, error, text):
+    lay(*SCRATCH)
     before = files_below(home / "run")
     said = repaint(*words)
     assert said.code == error.exit_code
@@ -193,18 +195,18 @@ def rewritten(path, **changes):
     weights.save(path, tensors, {**header, **changes})
 
 
-def test_a_checkpoint_of_another_version_is_refused(repaint, home):
-    repaint(*SCRATCH)
+def test_a_checkpoint_of_another_version_is_refused(repaint, lay, home):
+    lay(*SCRATCH)
     rewritten(home / "run" / "checkpoint.safetensors", version="0.0.7")
     said = repaint("transfer", "--resume", "run")
     assert said.code == CheckpointError.exit_code
     assert "was written by repaint 0.0.7, this is repaint 0.2.0, which" in said.err
 
 
-def test_a_checkpoint_of_another_run_is_refused(repaint, home):
-    repaint(*SCRATCH)
+def test_a_checkpoint_of_another_run_is_refused(repaint, lay, home):
+    lay(*SCRATCH)
     for other, name in (("--set=ppo.gamma=0.9", "gamma"), ("--task=reacher-away", "away")):
-        repaint(*SCRATCH, "--run", name, other)
+        lay(*SCRATCH, "--run", name, other)
         theirs = home / name / "checkpoint.safetensors"
         (home / "run" / "checkpoint.safetensors").write_bytes(theirs.read_bytes())
         said = repaint("transfer", "--resume", "run")
@@ -234,9 +236,9 @@ def test_a_run_whose_teacher_is_another_now_is_refused(repaint, home):
     assert repaint("transfer", "--resume", "run", "--iterations", 3).code == 0
 
 
-def test_earlier_checkpoints_are_kept_and_stand_in_for_a_damaged_one(repaint, home):
+def test_earlier_checkpoints_are_kept_and_stand_in_for_a_damaged_one(repaint, lay, home):
     repaint(*SCRATCH, "--iterations", 5, "--keep", 3)
-    repaint(*SCRATCH, "--iterations", 5, "--run", "calm")
+    lay(*SCRATCH, "--iterations", 5, "--run", "calm")
     kept = sorted(path.name for path in (home / "run").glob("checkpoint*"))
     assert kept == ["checkpoint-00003.safetensors", "checkpoint-00004.safetensors",
                     "checkpoint.safetensors"]  # fmt: skip
@@ -252,8 +254,8 @@ def test_earlier_checkpoints_are_kept_and_stand_in_for_a_damaged_one(repaint, ho
     assert bits(load(damaged)[0]) == bits(load(home / "calm" / "checkpoint.safetensors")[0])
 
 
-def test_metrics_that_lack_an_iteration_are_no_runs(repaint, home):
-    repaint(*SCRATCH)
+def test_metrics_that_lack_an_iteration_are_no_runs(repaint, lay, home):
+    lay(*SCRATCH)
     path = home / "run" / "metrics.csv"
     path.write_text("".join(path.read_text().splitlines(keepends=True)[:-1]))
     said = repaint("transfer", "--resume", "run")
@@ -261,8 +263,8 @@ def test_metrics_that_lack_an_iteration_are_no_runs(repaint, home):
     assert "expected its line 3 to be of iteration 2, as the checkpoint" in said.err
 
 
-def test_other_versions_are_said(repaint, home):
-    repaint(*SCRATCH)
+def test_other_versions_are_said(repaint, lay, home):
+    lay(*SCRATCH)
     record = record_of(home / "run")
     record["versions"]["torch"] = "1.0"
     (home / "run" / "run.json").write_text(json.dumps(record))
@@ -271,8 +273,8 @@ def test_other_versions_are_said(repaint, home):
     assert "warning: the run goes on with other versions (torch 1.0 → " in said.out
 
 
-def test_of_two_processes_at_a_run_one_is_refused(repaint, home):
-    repaint(*SCRATCH)
+def test_of_two_processes_at_a_run_one_is_refused(repaint, lay, home):
+    lay(*SCRATCH)
     before = files_below(home / "run")
     with folder_lock(home / "run"):
         said = repaint("transfer", "--resume", "run", "--iterations", 3)
@@ -293,7 +295,7 @@ def test_events_of_what_was_never_finished_are_void(repaint, home):
     assert [event.step for event in events.Scalars("eval_return")] == [1, 2, 3]
 
 
-def test_a_scheduler_s_sigterm_ends_with_143_and_the_run_goes_on(repaint, home):
+def test_a_scheduler_s_sigterm_ends_with_143_and_the_run_goes_on(repaint, lay, home):
     code, out, err = stopped_by(signal.SIGTERM, 400)
     assert (code, err) == (143, "")
     done = record_of(home / "run")["iterations"]
@@ -301,5 +303,5 @@ def test_a_scheduler_s_sigterm_ends_with_143_and_the_run_goes_on(repaint, home):
         f"interrupted after iteration {done}\nnext: repaint transfer --resume run\n"
     )
     assert repaint("transfer", "--resume", "run", "--iterations", done + 1).code == 0
-    repaint(*SCRATCH, "--run", "calm", "--iterations", done + 1)
+    lay(*SCRATCH, "--run", "calm", "--iterations", done + 1)
     assert_same(home / "run", home / "calm")

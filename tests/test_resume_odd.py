@@ -27,9 +27,9 @@ def stop(*_):
     raise KeyboardInterrupt
 
 
-def test_a_fallback_keeps_the_checkpoint_that_it_stands_on(repaint, home, monkeypatch):
+def test_a_fallback_keeps_the_checkpoint_that_it_stands_on(repaint, lay, home, monkeypatch):
     repaint(*SCRATCH, "--iterations", 3, "--keep", 2)
-    repaint(*SCRATCH, "--iterations", 4, "--run", "calm")
+    lay(*SCRATCH, "--iterations", 4, "--run", "calm")
     spoil(home / "run" / "checkpoint.safetensors")
     with monkeypatch.context() as patch:  # dies as it writes the next
         patch.setattr(checkpoint, "save_learner", stop)
@@ -47,7 +47,7 @@ def test_a_fallback_keeps_the_checkpoint_that_it_stands_on(repaint, home, monkey
 
 
 @pytest.mark.parametrize("at", ["save_checkpoint", "add"])
-def test_the_best_policy_is_of_a_finished_iteration(repaint, home, monkeypatch, at):
+def test_the_best_policy_is_of_a_finished_iteration(repaint, lay, home, monkeypatch, at):
     where = experiment if at == "save_checkpoint" else experiment.store
     real, calls = getattr(where, at), []
 
@@ -63,7 +63,7 @@ def test_the_best_policy_is_of_a_finished_iteration(repaint, home, monkeypatch, 
     done = load(home / "run" / "checkpoint.safetensors")[1]
     assert read_card(home / "run" / "best.safetensors").iteration == done["past"]["best"][0]
     repaint("transfer", "--resume", "run", "--iterations", 6)
-    repaint(*SCRATCH, "--iterations", 6, "--run", "calm")
+    lay(*SCRATCH, "--iterations", 6, "--run", "calm")
     assert_same(home / "run", home / "calm")
 
 
@@ -104,8 +104,8 @@ def test_another_track_is_another_run(repaint, home):
     assert "of another run than run.json beside it: track " in said.err
 
 
-def test_other_versions_stay_on_record(repaint, home):
-    repaint(*SCRATCH)
+def test_other_versions_stay_on_record(repaint, lay, home):
+    lay(*SCRATCH)
     record = record_of(home / "run")
     began = record["versions"] | {"torch": "1.0"}
     (home / "run" / "run.json").write_text(json.dumps(record | {"versions": began}))
@@ -125,8 +125,8 @@ def test_other_versions_stay_on_record(repaint, home):
         ({"replace": None}, "replace: "),
     ],
 )
-def test_a_record_that_says_nonsense_is_refused(repaint, home, changes, text):
-    repaint(*SCRATCH)
+def test_a_record_that_says_nonsense_is_refused(repaint, lay, home, changes, text):
+    lay(*SCRATCH)
     record = record_of(home / "run") | changes
     (home / "run" / "run.json").write_text(json.dumps(record))
     said = repaint("transfer", "--resume", "run")
@@ -145,16 +145,16 @@ def test_a_record_that_says_nonsense_is_refused(repaint, home, changes, text):
         {"env_steps": [10**30]},
     ],
 )
-def test_a_checkpoint_whose_notes_are_nonsense_is_refused(repaint, home, changes):
-    repaint(*SCRATCH)
+def test_a_checkpoint_whose_notes_are_nonsense_is_refused(repaint, lay, home, changes):
+    lay(*SCRATCH)
     rewritten(home / "run" / "checkpoint.safetensors", **changes)
     said = repaint("transfer", "--resume", "run", "--iterations", 3)
     assert said.code == CheckpointError.exit_code
     assert said.err.count("\n") == 1
 
 
-def test_a_run_of_before_a_setting_was_there_goes_on(repaint, home):
-    repaint(*SCRATCH)
+def test_a_run_of_before_a_setting_was_there_goes_on(repaint, lay, home):
+    lay(*SCRATCH)
     notes = load(home / "run" / "checkpoint.safetensors")[1]["run"]
     record = record_of(home / "run")
     for identity in (notes, record):
@@ -168,8 +168,8 @@ def test_a_run_of_before_a_setting_was_there_goes_on(repaint, home):
     assert "task.net.hidden [3] against" in repaint("transfer", "--resume", "run").err
 
 
-def test_files_that_are_not_the_run_s_are_left_alone(repaint, home):
-    repaint(*SCRATCH)
+def test_files_that_are_not_the_run_s_are_left_alone(repaint, lay, home):
+    lay(*SCRATCH)
     odd = [".my-notes", "evaluations/7.safetensors", "evaluations/notes.txt"]
     for name in odd:
         (home / "run" / name).write_text("mine")
@@ -181,8 +181,8 @@ def test_files_that_are_not_the_run_s_are_left_alone(repaint, home):
     assert ".repaint-abc.csv" not in there
 
 
-def test_the_option_to_leave_out_is_named_as_it_is_typed(repaint, home):
-    repaint(*SCRATCH)
+def test_the_option_to_leave_out_is_named_as_it_is_typed(repaint, lay, home):
+    lay(*SCRATCH)
     said = repaint("transfer", "--resume", "run", "--set", "ppo.gamma=0.9")
     assert said.code == UsageError.exit_code
     assert "leave out --set beside --resume" in said.err

@@ -63,8 +63,8 @@ def test_a_record_reads_what_it_writes(tmp_path):
     assert again.model_fields_set == set(RunRecord.model_fields)
 
 
-def test_a_run_s_record_is_read_and_written_to_the_byte(repaint, home):
-    repaint(*SCRATCH)
+def test_a_run_s_record_is_read_and_written_to_the_byte(repaint, lay, home):
+    lay(*SCRATCH)
     text = (home / "run" / "run.json").read_bytes()
     RunRecord.read(RunFolder(home / "run")).write(RunFolder(home / "run"))
     assert (home / "run" / "run.json").read_bytes() == text
@@ -124,8 +124,8 @@ def test_no_more_alarms_are_written_than_recorded(tmp_path, monkeypatch):
     assert alarms_until(9, files, RunRecord.read(files)) == written.alarms
 
 
-def test_a_row_that_is_half_written_is_no_row(repaint, home):
-    repaint(*SCRATCH)
+def test_a_row_that_is_half_written_is_no_row(repaint, lay, home):
+    lay(*SCRATCH)
     path = home / "run" / "metrics.csv"
     text = path.read_text()
     for end in ("3,0,pp", "3,0", "3", "\0\0\0"):

@@ -167,8 +167,8 @@ def test_tensorboard_gets_the_same_numbers(repaint, home):
         )
 
 
-def test_a_run_can_be_read_again(repaint, home):
-    repaint(*SCRATCH)
+def test_a_run_can_be_read_again(repaint, lay, home):
+    lay(*SCRATCH)
     run = read_run(home / "run")
     assert (run.method, run.label, run.progress) == ("scratch", "scratch", None)
     assert run.returns.shape == (1, 2)
@@ -197,8 +197,8 @@ DAMAGES = [
 ]
 
 
-def test_a_damaged_run_is_refused(repaint, home):
-    repaint(*SCRATCH)
+def test_a_damaged_run_is_refused(repaint, lay, home):
+    lay(*SCRATCH)
     for file, text in DAMAGES:
         whole = (home / "run" / file).read_text()
         (home / "run" / file).write_text(text)
@@ -378,8 +378,8 @@ def test_a_checkpoint_that_cannot_be_written_leaves_the_last_one(repaint, home, 
     assert changed == {"metrics.csv", "evaluations/00002.safetensors"}
 
 
-def test_a_missing_checkpoint_is_named(repaint, home):
-    repaint(*SCRATCH)
+def test_a_missing_checkpoint_is_named(repaint, lay, home):
+    lay(*SCRATCH)
     (home / "run" / "checkpoint.safetensors").unlink()
     said = repaint("eval", "run")
     assert said.code == CheckpointError.exit_code

@@ -33,8 +33,8 @@ def test_a_run_that_began_with_events_goes_on_with_them(repaint, home):
     assert_complete(home / "run", 4)
 
 
-def test_events_that_begin_late_begin_with_the_run(repaint, home):
-    repaint(*SCRATCH)
+def test_events_that_begin_late_begin_with_the_run(repaint, lay, home):
+    lay(*SCRATCH)
     assert not (home / "run" / "tensorboard").exists()
     repaint(*MORE, 3, "--tensorboard")
     assert_complete(home / "run", 3)

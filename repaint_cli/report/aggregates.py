@@ -10,8 +10,8 @@ where it converged. Intervals are percentiles of a bootstrap that draws seeds wi
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
+import scipy  # whose parts are loaded when first used
 from numpy.typing import ArrayLike
-from scipy import stats
 
 from repaint_cli.report.statistics import RESAMPLES, Estimate, Floats, first_and_converged
 
@@ -48,7 +48,7 @@ def mean(scores: Scores) -> Floats:
 
 def interquartile_mean(scores: Scores) -> Floats:
     """Return the mean of the middle half of all seeds of all pairs."""
-    return np.asarray(stats.trim_mean(np.concatenate(scores, axis=-1), 0.25, axis=-1))
+    return np.asarray(scipy.stats.trim_mean(np.concatenate(scores, axis=-1), 0.25, axis=-1))
 
 
 def optimality_gap(scores: Scores) -> Floats:

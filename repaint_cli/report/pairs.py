@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from math import comb
 
 import numpy as np
+import scipy  # whose parts are loaded when first used
 from numpy.typing import ArrayLike
-from scipy import optimize, stats
 
 from repaint_cli.report.statistics import RESAMPLES, Estimate, Floats, mean_of
 
@@ -113,7 +113,7 @@ def welch_interval(
     v, w = own.var(axis=-1, ddof=1) / n, basis.var(axis=-1, ddof=1) / m
     spread = v**2 / (n - 1) + w**2 / (m - 1)
     freedom = np.where(spread > 0, (v + w) ** 2 / np.where(spread > 0, spread, 1), 1)
-    wide = stats.t.ppf((1 + level) / 2, freedom) * np.sqrt(v + w)
+    wide = scipy.stats.t.ppf((1 + level) / 2, freedom) * np.sqrt(v + w)
     return gap, gap - wide, gap + wide
 
 
@@ -137,7 +137,7 @@ def permutation_p(values: ArrayLike, others: ArrayLike) -> float:
 def _p(samples: tuple[Floats, ...], statistic: object, kind: str) -> float:
     if min(map(len, samples)) < 2 or any(np.isnan(sample).any() for sample in samples):
         return float("nan")
-    test = stats.permutation_test(
+    test = scipy.stats.permutation_test(
         samples, statistic, vectorized=True, permutation_type=kind, n_resamples=RESAMPLES,
         rng=np.random.default_rng(0),
     )  # fmt: skip
@@ -161,7 +161,7 @@ def better(values: ArrayLike, others: ArrayLike) -> Estimate:
     p = float((1 + gaps).mean() / 2)
     if min(n, m) < 2:
         return p, np.nan, np.nan
-    t = float(stats.t.ppf(0.975, n + m - 2))
+    t = float(scipy.stats.t.ppf(0.975, n + m - 2))
 
     def beyond(theta: float) -> float:
         odds = (1 - theta) / (2 - theta) + theta / (1 + theta)
@@ -169,8 +169,8 @@ def better(values: ArrayLike, others: ArrayLike) -> Estimate:
         return float((p - theta) ** 2 - t**2 * error)
 
     inside = min(max(p, 1e-9), 1 - 1e-9)  # where P is 0 or 1 it is within its error of itself
-    low = 0.0 if p == 0 else float(optimize.brentq(beyond, 0, inside))
-    high = 1.0 if p == 1 else float(optimize.brentq(beyond, inside, 1))
+    low = 0.0 if p == 0 else float(scipy.optimize.brentq(beyond, 0, inside))
+    high = 1.0 if p == 1 else float(scipy.optimize.brentq(beyond, inside, 1))
     return p, low, high
 
 
@@ -185,7 +185,7 @@ def seeds_needed(effect: float, *, paired: bool = True) -> float:
     """
     if np.isnan(effect) or effect == 0:
         return float("nan")
-    z, power = stats.norm.ppf([0.975, 0.8])
+    z, power = scipy.stats.norm.ppf([0.975, 0.8])
     sides = 1 if paired else 2
     n = float(sides * (z + power) ** 2 / effect**2 + z**2 / (2 * sides))
     if n > MOST_SEEDS_NEEDED:

@@ -8,8 +8,8 @@ Seeds, which are few, have t intervals; episodes, which are many, a bootstrap.
 """
 
 import numpy as np
+import scipy  # whose parts are loaded when first used
 from numpy.typing import ArrayLike, NDArray
-from scipy import stats
 
 Floats = NDArray[np.float64]
 
@@ -63,7 +63,7 @@ def bootstrap_mean(values: Floats, level: float = 0.95, seed: int = 0) -> tuple[
     low, high = np.full((2, n_columns), np.nan)
     known = ~np.isnan(values).any(axis=0)  # (K,)
     if known.any():
-        resampled = stats.bootstrap(
+        resampled = scipy.stats.bootstrap(
             (values[:, known],), np.mean, axis=0, n_resamples=RESAMPLES, batch=AT_ONCE,
             confidence_level=level, method="percentile", rng=np.random.default_rng(seed),
         )  # fmt: skip
@@ -90,7 +90,7 @@ def t_interval(values: ArrayLike, level: float = 0.95) -> tuple[Floats, Floats, 
     mean = runs.mean(axis=0) if n else np.full(runs.shape[1:], np.nan)
     if n < 2:
         return mean, np.full_like(mean, np.nan), np.full_like(mean, np.nan)
-    wide = stats.t.ppf((1 + level) / 2, n - 1) * runs.std(axis=0, ddof=1) / np.sqrt(n)
+    wide = scipy.stats.t.ppf((1 + level) / 2, n - 1) * runs.std(axis=0, ddof=1) / np.sqrt(n)
     return mean, mean - wide, mean + wide
 
 
@@ -107,8 +107,10 @@ def trims(n_runs: int) -> int:
 
 def interquartile_mean(values: ArrayLike) -> float:
     """Return the mean of the middle half of the runs (R,): one outlier moves it less."""
-    runs = _vector(values)
-    return float(stats.trim_mean(runs, 0.25)) if len(runs) else float("nan")
+    runs = np.sort(_vector(values))
+    if not trims(len(runs)):
+        return float(runs.mean()) if len(runs) else float("nan")
+    return float(scipy.stats.trim_mean(runs, 0.25))
 
 
 def interquartile_mean_of(values: ArrayLike, level: float = 0.95) -> Estimate:
@@ -126,7 +128,7 @@ def interquartile_mean_of(values: ArrayLike, level: float = 0.95) -> Estimate:
     left = n - 2 * cut
     winsorised = np.clip(runs, runs[cut], runs[n - 1 - cut])
     error = winsorised.std(ddof=1) * np.sqrt(n) / left
-    wide = float(stats.t.ppf((1 + level) / 2, left - 1) * error)
+    wide = float(scipy.stats.t.ppf((1 + level) / 2, left - 1) * error)
     return middle, middle - wide, middle + wide
 
 

@@ -149,4 +149,5 @@ def save(figure: Figure, path: Path) -> None:
         if path.suffix == ".svg":
             figure.savefig(scratch, format="svg", metadata={"Date": None, "Creator": PICTURE_MARK})
         else:
-            figure.savefig(scratch, format="png", dpi=DPI, metadata={"Software": PICTURE_MARK})
+            canvas: Any = FigureCanvasAgg(figure)  # `savefig` would draw twice: to lay out, again
+            canvas.print_png(scratch, metadata={"Software": PICTURE_MARK})

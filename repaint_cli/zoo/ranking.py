@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from scipy.stats import sem
+import scipy  # whose parts are loaded when first used
 
 from repaint_cli.errors import CheckpointError, NotFound
 from repaint_cli.learn.evaluation import spaces_of
@@ -62,7 +62,7 @@ class Ranking:
 def ahead(one: Played, other: Played) -> bool:
     """Return whether one earns more than another by more than both standard errors together."""
     gap = one.returns.mean() - other.returns.mean()
-    return bool(gap > np.hypot(sem(one.returns), sem(other.returns)))
+    return bool(gap > np.hypot(scipy.stats.sem(one.returns), scipy.stats.sem(other.returns)))
 
 
 Affordable = Callable[[float], float]
@@ -117,8 +117,8 @@ def _played_on(
     Others earn less than the best by more than both standard errors.
     """
     best = max(played, key=lambda one: one.returns.mean())
-    least = best.returns.mean() - sem(best.returns)
-    standing = [one for one in played if one.returns.mean() + sem(one.returns) >= least]
+    least = best.returns.mean() - scipy.stats.sem(best.returns)
+    standing = [one for one in played if one.returns.mean() + scipy.stats.sem(one.returns) >= least]
     each = sum(one.lengths.mean() for one in standing)
     more = min(most, int((affordable(best.lengths.mean()) - spent) / each))
     if player.task.eval.both_directions:
