@@ -9,6 +9,7 @@ from small_tasks import reach
 from repaint_cli import settings
 from repaint_cli.envs.gymnasium.simulator import GymnasiumSimulator
 from repaint_cli.envs.racer.simulator import RacerSimulator
+from repaint_cli.envs.starcraft.simulator import StarCraftSimulator
 from repaint_cli.errors import CardError
 from repaint_cli.settings import PPOConfig, Settings
 from repaint_cli.tasks.card import TaskCard
@@ -18,7 +19,8 @@ from repaint_cli.zoo.teacher_card import Score, TeacherCard
 
 RECORDS = [part for part in vars(settings).values() if isinstance(part, type)]
 RECORDS = [part for part in RECORDS if issubclass(part, Settings) and part is not Settings]
-RECORDS += [GymnasiumSimulator, RacerSimulator, TaskCard, Score, TeacherCard]
+RECORDS += [GymnasiumSimulator, RacerSimulator, StarCraftSimulator]
+RECORDS += [TaskCard, Score, TeacherCard]
 
 
 @pytest.mark.parametrize("record", RECORDS)

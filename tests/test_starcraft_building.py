@@ -40,7 +40,7 @@ def select_scv(rts, i=0):
 
 
 def wait(rts, steps):
-    return sum(act(rts, TRAIN_MARINE) for _ in range(steps))
+    return sum(act(rts, ATTACK_POINT) for _ in range(steps))
 
 
 def with_structure(rts, kind, x, y, finished=True):
@@ -125,7 +125,7 @@ def test_who_arrives_short_of_minerals_builds_nothing():
         (BUILD_DEPOT, 24.0, 28.5),  # on minerals
         (BUILD_DEPOT, 40.0, 18.4),  # outside the base
         (BUILD_DEPOT, 37.0, 23.0),  # over a depot's corner
-        (BUILD_BARRACKS, 38.4, 22.4),
+        (BUILD_BARRACKS, 37.4, 22.4),
         (BUILD_BARRACKS, 30.0, 19.5),  # only partly in the base
     ],
 )  # fmt: skip
@@ -162,7 +162,9 @@ def test_a_site_in_the_fog_is_refused():
 def ready(rts, kind):
     """Have something selected, without a step."""
     s = rts.state
-    s.selected_kind[0] = {"nothing": 0, "scv": 1, "centre": 2, "barracks": 3, "depot": 4}.get(kind, 5)
+    s.selected_kind[0] = {"nothing": 0, "scv": 1, "centre": 2, "barracks": 3, "depot": 4}.get(
+        kind, 5
+    )
     s.selected_index[0] = 0
     if kind == "marines":
         s.marine_hp[0, 0], s.marine_selected[0, 0], s.army_count[0] = 45, 1, 1
@@ -219,7 +221,14 @@ def test_a_command_is_available_when_the_rules_say_so(spec, rule):
 
 def test_an_unavailable_command_changes_nothing_but_the_clock_and_its_term():
     rts, other = begun(), begun()
-    for command in (BUILD_DEPOT, BUILD_BARRACKS, TRAIN_SCV, TRAIN_MARINE, ATTACK_POINT, SELECT_ARMY):
+    for command in (
+        BUILD_DEPOT,
+        BUILD_BARRACKS,
+        TRAIN_SCV,
+        TRAIN_MARINE,
+        ATTACK_POINT,
+        SELECT_ARMY,
+    ):
         assert act(rts, command).tolist() == [1, 0, 0, 0, 0, 0, 0, 0]
         act(other, SELECT_POINT, 40, 34)  # ground: a miss, which changes no selection either
         for name in rts.state.arrays.dtype.names:
@@ -279,5 +288,3 @@ def test_supply_stops_at_200_and_arrays_never_overflow():
     rts.state.minerals[0] = 1000
     select_scv(rts, 1)
     assert not rts.state.available[0, BUILD_DEPOT]
-
-

@@ -91,11 +91,11 @@ def test_no_zergling_is_ever_in_the_base():
         alive = s.zergling_hp > 0
         assert not (alive & inside_base(s.zergling_x, s.zergling_y)).any()
         chased += np.count_nonzero(alive & inside_base(s.zergling_x, s.zergling_y, 0.01))
-        if k % 100 == 0:
-            new = s.marine_hp[:, :8] <= 0
-            s.marine_x[:, :8][new] = 44
+        if k % 50 == 0:  # marines stand at the base's right border, and run off
+            s.marine_x[:, :8] = rng.uniform(44, 46, (128, 8))
+            s.marine_y[:, :8] = rng.uniform(19, 37, (128, 8))
             s.marine_hp[:, :8], s.army_count[:] = 45, 8
-    assert chased > 1000  # it was tried
+    assert chased > 100  # some stood at the border
     assert rts.stats()["zerglings_killed"].sum() > 1000
 
 
@@ -105,10 +105,10 @@ def test_a_zergling_gives_up_who_is_out_of_its_reach_in_the_base_and_goes_home()
     s.zergling_hp[0, 1:] = 0
     s.zergling_x[0, 0] = s.zergling_home_x[0, 0] = 50
     s.zergling_y[0, 0] = s.zergling_home_y[0, 0] = 28
-    s.marine_x[0, 0], s.marine_y[0, 0] = 45.5, 28
+    s.marine_x[0, 0], s.marine_y[0, 0] = 45.2, 28
     for _ in range(10):
         rts.step(np.array([WAIT]))
-    assert s.zergling_x[0, 0] == BASE.right  # it bites over the border
+    assert BASE.right <= s.zergling_x[0, 0] <= BASE.right + 0.12  # it bites over the border
     assert s.marine_hp[0, 0] < 45
     s.marine_x[0, 0], s.marine_hp[0, 0], s.zergling_hp[0, 0] = 40, 45, 35
     for _ in range(20):
@@ -190,8 +190,7 @@ def test_a_game_without_marines_is_over():
 def test_a_crowd_is_pushed_apart():
     rts = with_marines(1, 40)
     s = rts.state
-    s.marine_x[0, :40] = 40 + 0.01 * np.arange(40)
-    s.marine_y[0, :40] = 22
+    s.marine_x[0, :40], s.marine_y[0, :40] = np.random.default_rng(0).uniform(38, 39, (2, 40))
     for _ in range(120):
         rts.step(np.array([WAIT]))
     assert apart(s.marine_x[:, :40], s.marine_y[:, :40]) > 0.7

@@ -145,6 +145,15 @@ def check(
     name: Annotated[
         str, argument("TASK", "A task's name, a card's file, or a file of waypoints (.npy).")
     ],
+    engine: Annotated[
+        str | None,
+        option(
+            OPTIONS,
+            "NAME",
+            "Instead, play a fixed course in this engine of the task's simulator and in its own, "
+            "and print both timelines.",
+        ),
+    ] = None,
 ) -> None:
     """Check a card, or check and draw a track.
 
@@ -166,7 +175,12 @@ def check(
             checked.draw()
             print(plain(f"wrote {checked.picture}\nnext: {checked.next_command}"))
             return
-    _check_card(read_task(name))
+    card = read_task(name)
+    if engine is None:
+        _check_card(card)
+        return
+    for line in card.env.beside(engine):
+        print(plain(line))
 
 
 def _check_card(card: "TaskCard") -> None:

@@ -6,11 +6,11 @@ line in `registry.REGISTRY`. Importing this brings no arrays, which `similarity`
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self
 
-from repaint_cli.errors import RenderError
+from repaint_cli.envs.checked_file import CheckedFile
+from repaint_cli.errors import CardError, RenderError
 from repaint_cli.settings import EvalConfig, Settings
 from repaint_cli.symmetry import Symmetry
 
@@ -23,21 +23,6 @@ if TYPE_CHECKING:
     from repaint_cli.envs.reward_functions import RewardFunctions
 
     Environments = VectorEnv[Any, Any, Any]
-
-
-class CheckedFile(NamedTuple):
-    """A file that is no card, checked."""
-
-    name: str
-    """What it holds, by name."""
-    facts: str
-    """Its facts, for people."""
-    picture: Path
-    """Where `draw` draws it."""
-    draw: Callable[[], None]
-    """Draws it."""
-    next_command: str
-    """The next command worth typing."""
 
 
 class BegunEpisode(NamedTuple):
@@ -192,6 +177,14 @@ class Simulator(Settings, ABC):
             CardError: the file is damaged.
         """
         return None
+
+    def beside(self, engine: str) -> list[str]:
+        """Play a fixed course in its own engine and in another; return both timelines, for people.
+
+        Raises:
+            CardError: it has one engine only, or not this one.
+        """
+        raise CardError(f"expected a task that has several engines, found '{self.simulator}'")
 
     # How episodes went
 

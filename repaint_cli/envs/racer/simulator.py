@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
 from pydantic import Field, field_validator
 
+from repaint_cli.envs.checked_file import CheckedFile
 from repaint_cli.envs.racer.mirror import symmetries_of, unpaired_action
 from repaint_cli.envs.racer.names import BOT_RECORDS, BOT_TERMS, RECORDS, STATUS, TERMS
-from repaint_cli.envs.simulator import CheckedFile, Simulator
+from repaint_cli.envs.simulator import Simulator
 from repaint_cli.errors import CardError, RepaintError
 from repaint_cli.settings import EvalConfig
 from repaint_cli.symmetry import Symmetry
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
     from repaint_cli.envs.racer.paths import RacerPaths
     from repaint_cli.envs.reward_functions import RewardFunctions
     from repaint_cli.envs.simulator import Environments
-
 
 LEAST_LIMIT = 1500
 """Of an episode, steps, where the card says none."""

@@ -1,13 +1,13 @@
 """What stands beside the map in a film: the layers that the agent sees, a legend, counters."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from repaint_cli.envs.starcraft.rts.constants import SCREEN
-from repaint_cli.envs.starcraft.shapes import LEGEND, ZERGLING, draw_shape
+from repaint_cli.envs.starcraft.shapes import LEGEND, draw_shape
 from repaint_cli.report import style
 from repaint_cli.report.video import font
 
@@ -51,12 +51,12 @@ class Layers:
         return picture
 
 
-def legend(width: int, height: int, zerglings: bool) -> Image.Image:
-    """Draw what the shapes on the map are; those of zerglings where there are any."""
+def legend(width: int, height: int, absent: Collection[str]) -> Image.Image:
+    """Draw what the shapes on the map are, but for names that a game has none of."""
     picture = Image.new("RGB", (width * 2, height * 2), "white")
     pen, letters, x = ImageDraw.Draw(picture), font(24), 16.0
     for name, shape, colour in LEGEND:
-        if zerglings or colour != ZERGLING:
+        if name not in absent:
             draw_shape(pen, shape, (x + 10, height), 9, colour, 4 if shape in ("cross", "x") else 2)
             pen.text((x + 30, height), name, GREY, letters, anchor="lm")
             x += 30 + letters.getlength(name) + 26

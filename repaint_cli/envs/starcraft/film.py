@@ -29,6 +29,8 @@ HEIGHT = TITLE + board.HEIGHT + COUNTERS
 """Of a frame, pixels."""
 TOP = 12
 """Above the counters."""
+BASE_NAMES, FOES = ("minerals", "SCV"), ("zergling", "unseen")
+"""Of the legend, where there is a base, and where there are zerglings."""
 
 
 def film(
@@ -70,11 +72,12 @@ def frames_of(env: StarCraftSimulator, episodes: Episodes, e: int, title: str) -
 def _still(env: StarCraftSimulator, title: str) -> Image.Image:
     """Draw the title and the legend."""
     frame = Image.new("RGB", (WIDTH, HEIGHT), "white")
+    absent = [*(() if env.spec.base else BASE_NAMES), *(() if env.spec.zerglings else FOES)]
     pen, letters = ImageDraw.Draw(frame), font(16, "-Bold")
     while letters.getlength(title) > WIDTH - 2 * GAP and letters.size > 8:
         letters = font(int(letters.size) - 1, "-Bold")
     pen.text((WIDTH / 2, TITLE / 2), title, style.INK, letters, anchor="mm")
-    below = board.legend(map_view.WIDTH, LEGEND, env.spec.zerglings > 0)
+    below = board.legend(map_view.WIDTH, LEGEND, absent)
     frame.paste(below, (0, TITLE + map_view.HEIGHT))
     return frame
 

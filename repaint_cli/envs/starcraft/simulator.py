@@ -166,6 +166,12 @@ class StarCraftSimulator(Simulator):
         """Return the map's file, if it is the user's."""
         return {"map_file": Path(self.map_file)} if self.map_file else {}
 
+    def beside(self, engine: str) -> list[str]:
+        """Play a build order in our simulator and in another engine; see `Simulator.beside`."""
+        from repaint_cli.envs.starcraft.engines import side_by_side
+
+        return side_by_side(self, engine)
+
     # How episodes went
 
     score_episodes: ClassVar[int] = 20
@@ -198,7 +204,7 @@ class StarCraftSimulator(Simulator):
         """What was there, built and killed over the time of an episode."""
         from repaint_cli.envs.starcraft.timeline import Timelines
 
-        return Timelines()
+        return Timelines(self.spec.base is not None, self.spec.zerglings > 0)
 
     filmed_episodes: ClassVar[int] = 1
 

@@ -5,10 +5,11 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.ticker import MaxNLocator
 
 from repaint_cli.envs.episodes import EpisodePaths, Episodes
 from repaint_cli.envs.paths import PathFormat
@@ -16,29 +17,47 @@ from repaint_cli.report import style
 from repaint_cli.report.path_panels import label_of
 
 LINE = style.METHOD_COLOURS["repaint"]
-"""The colour of what is counted; the limit of the supply is grey."""
+"""The colour of what is counted; what is behind it is grey."""
 
-ROWS = {
-    "supply": "food_used",
-    "minerals": "minerals",
-    "SCVs": "scvs",
-    "marines built": "sum_marines_built",
-    "zerglings killed": "sum_zerglings_killed",
-}
-"""The panels from top to bottom: what they show, and its record."""
 
-LIMIT = "food_cap"
-"""The record that is drawn above the first row's."""
+class Row(NamedTuple):
+    """A panel of each column."""
+
+    name: str
+    """What it shows."""
+    record: str
+    """The record of it."""
+    behind: str | None
+    """The record that is drawn behind it in grey, if any."""
+    builds: bool | None
+    """Whether only games show it in which something is built, or only those with zerglings."""
+
+
+ROWS = (
+    Row("supply", "food_used", "food_cap", True),
+    Row("minerals", "minerals", None, True),
+    Row("SCVs", "scvs", None, True),
+    Row("marines", "army", "sum_marines_built", None),
+    Row("zerglings killed", "sum_zerglings_killed", None, False),
+)
+"""From top to bottom."""
 
 WIDTHS, ROW_HEIGHT = (6.4, 4.2, 3.4, 2.4), 1.25
 """Of a panel, inches: where there is one column, where there are two, three, or more."""
-NOTE = "thin lines: episodes, thick lines: their mean; grey: the limit of the supply"
+NOTE = "thin: episodes; thick: their mean; grey: the limit of the supply, all marines ever built"
 
 
 class Timelines(PathFormat):
     """The course of games: supply, minerals, SCVs, marines and kills over time."""
 
-    records: ClassVar[tuple[str, ...]] = (LIMIT, *ROWS.values())
+    records: ClassVar[tuple[str, ...]] = tuple(
+        name for row in ROWS for name in (row.record, row.behind) if name
+    )
+
+    def __init__(self, builds: bool, fights: bool) -> None:
+        """Show what is built and whom one fights, where the game has that."""
+        has = {None: True, True: builds, False: fights}
+        self._rows = [row for row in ROWS if has[row.builds]]
 
     def paths_of(
         self,
@@ -55,20 +74,22 @@ class Timelines(PathFormat):
     ) -> None:
         """Draw the first seed's episodes, a column of panels each; see `PathFormat.draw`."""
         width = 0.8 + WIDTHS[min(len(panels), len(WIDTHS)) - 1] * len(panels)
-        figure = style.new_figure(width, 1.5 + ROW_HEIGHT * len(ROWS))
+        rows = self._rows
+        figure = style.new_figure(width, 1.5 + ROW_HEIGHT * len(rows))
         style.headline(figure, title)
-        grid = figure.subplots(len(ROWS), len(panels), squeeze=False, sharex=True, sharey="row")
+        grid = figure.subplots(len(rows), len(panels), squeeze=False, sharex=True, sharey="row")
         for column, (name, episodes) in zip(grid.T, panels, strict=True):
-            _lines(column[0], episodes, LIMIT, style.FAINT)
-            for axes, record in zip(column, ROWS.values(), strict=True):
-                _lines(axes, episodes, record, LINE)
+            for axes, row in zip(column, rows, strict=True):
+                if row.behind:
+                    _lines(axes, episodes, row.behind, style.FAINT)
+                _lines(axes, episodes, row.record, LINE)
             label = label_of(name, episodes.returns[0].mean())
             column[0].set_title(label, size=style.TEXT_SIZE - 0.5, color=style.INK)
             column[-1].set_xlabel("game time [s]", size=style.NOTE_SIZE)
         for axes in grid.ravel():
             _frame(axes)
-        for axes, label in zip(grid[:, 0], ROWS, strict=True):
-            axes.set_ylabel(label, size=style.NOTE_SIZE)
+        for axes, row in zip(grid[:, 0], rows, strict=True):
+            axes.set_ylabel(row.name, size=style.NOTE_SIZE)
         figure.align_ylabels(grid[:, 0])
         figure.supxlabel(NOTE, size=style.NOTE_SIZE, color=style.INK)
         style.save(figure, path)
@@ -81,6 +102,7 @@ def _frame(axes: Axes) -> None:
     axes.set_axisbelow(True)
     axes.set_ylim(bottom=0, top=max(1.0, axes.get_ylim()[1]))
     axes.margins(x=0.01)
+    axes.yaxis.set_major_locator(MaxNLocator(4, steps=[1, 2, 5, 10], integer=True))
 
 
 def _lines(axes: Axes, episodes: Episodes, record: str, colour: str) -> None:

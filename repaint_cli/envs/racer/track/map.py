@@ -4,10 +4,10 @@ from pathlib import Path
 
 import numpy as np
 
+from repaint_cli.envs.checked_file import CheckedFile
 from repaint_cli.envs.racer.road import draw_road, lane_patches
 from repaint_cli.envs.racer.track.files import load_track
 from repaint_cli.envs.racer.track.track import Track
-from repaint_cli.envs.simulator import CheckedFile
 from repaint_cli.files.commands import command
 from repaint_cli.report import style
 

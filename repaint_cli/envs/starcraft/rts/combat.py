@@ -105,12 +105,10 @@ def nearest_zergling(game: Game, x: float, y: float) -> int:
 
 
 @kernel
-def nearest_marine(game: Game, world: World, x: float, y: float) -> int:
-    """Return the marine nearest to a zergling here that it acquires, or −1."""
+def nearest_marine(game: Game, world: World, x: float, y: float, marines: int) -> int:
+    """Return which of the first so many marines a zergling here acquires, the nearest, or −1."""
     best, nearest = -1, ZERGLING_SCAN * ZERGLING_SCAN
-    if game.army_count == 0:
-        return best
-    for m in range(MAX_MARINES):
+    for m in range(marines):
         dx = game.marine_x[m] - x
         if abs(dx) <= ZERGLING_SCAN and game.marine_hp[m] > 0.0:
             dy = game.marine_y[m] - y
@@ -201,8 +199,8 @@ def swing_on(game: Game, z: int) -> None:
 
 
 @kernel
-def act_zergling(game: Game, world: World, z: int, loop: int) -> None:
-    """Let a zergling heal, and bite, run to its target, or go home."""
+def act_zergling(game: Game, world: World, z: int, loop: int, marines: int) -> None:
+    """Let a zergling heal, and bite, run to its target, or go home; see `nearest_marine`."""
     game.zergling_hp[z] = min(game.zergling_hp[z] + world.regeneration, ZERGLING.hit_points)
     game.zergling_cooldown[z] = max(game.zergling_cooldown[z] - 1.0, -1.0)
     if game.zergling_swing[z] >= 0.0:
@@ -214,7 +212,7 @@ def act_zergling(game: Game, world: World, z: int, loop: int) -> None:
     m = game.zergling_target[z]
     way = 1e30 if m < 0 else distance(x, y, game.marine_x[m], game.marine_y[m])
     if way > BITE and loop % SCAN_EVERY == 0:
-        near = nearest_marine(game, world, x, y)
+        near = nearest_marine(game, world, x, y, marines)
         if near >= 0:
             m, game.zergling_target[z] = near, near
             way = distance(x, y, game.marine_x[m], game.marine_y[m])
@@ -234,6 +232,10 @@ def act_zergling(game: Game, world: World, z: int, loop: int) -> None:
 @kernel
 def fight(game: Game, world: World, loop: int) -> None:
     """Let all marines and zerglings act for a loop, of this number."""
+    marines = 0  # beyond them no place is taken
+    for m in range(MAX_MARINES):
+        if game.marine_hp[m] > 0.0:
+            marines = m + 1
     for k in range(MAX_MARINES):
         m = (k + loop) % MAX_MARINES
         if game.marine_hp[m] > 0.0:
@@ -241,4 +243,4 @@ def fight(game: Game, world: World, loop: int) -> None:
     for k in range(MAX_ZERGLINGS):
         z = (k + loop) % MAX_ZERGLINGS
         if game.zergling_hp[z] > 0.0:
-            act_zergling(game, world, z, loop)
+            act_zergling(game, world, z, loop, marines)

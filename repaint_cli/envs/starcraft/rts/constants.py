@@ -147,6 +147,9 @@ SCREEN_LAYERS = (
 MINIMAP_LAYERS = ("visibility_map", "player_relative", "selected")
 MEASUREMENTS = ("minerals", "food_used", "food_cap", "food_workers", "army_count")
 
+EDGE = 1e-9
+"""What is on the edge of a disc or a box is in it, however its numbers are rounded, units."""
+
 NONE, SELF, ALLY, NEUTRAL, ENEMY = range(5)
 """What layers of `player_relative` say."""
 HIDDEN, SEEN, VISIBLE = range(3)

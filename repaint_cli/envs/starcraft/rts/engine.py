@@ -45,6 +45,20 @@ class Observation(NamedTuple):
             np.empty((n, len(COMMANDS)), np.uint8),
         )
 
+    def check_room(self, n: int) -> None:
+        """Check that n games fit in.
+
+        Raises:
+            ValueError: an array is too small, or of another shape or type.
+        """
+        wanted = Observation.empty(0)
+        for name in self._fields:
+            given, like = getattr(self, name), getattr(wanted, name)
+            fits = given.shape[1:] == like.shape[1:] and given.dtype == like.dtype
+            if len(given) < n or not fits:
+                found = f"{given.shape} of {given.dtype}"
+                raise ValueError(f"expected room for {n} games in {name}, found {found}")
+
 
 class MiniRTS:
     """N games on one map; each is the same bytes whatever N and the number of threads."""
@@ -72,6 +86,9 @@ class MiniRTS:
         Args:
             seeds: of these games, (K,).
             rows: which games, (K,); all by default.
+
+        Raises:
+            ValueError: there are not as many seeds as rows, or no such row.
         """
         rows, seeds = self._rows(rows), np.asarray(seeds, np.int64)
         if seeds.shape != rows.shape:
@@ -111,9 +128,13 @@ class MiniRTS:
         Args:
             rows: of which games, (K,); all by default.
             out: arrays to fill and return; new ones by default.
+
+        Raises:
+            ValueError: these arrays are too small, or of another shape or type.
         """
         rows = self._rows(rows)
         seen = out or Observation.empty(len(rows))
+        seen.check_room(len(rows))
         self._share(
             rows,
             lambda part, first: observe_rows(part, first, self.state.arrays, self.world, *seen),
@@ -134,8 +155,18 @@ class MiniRTS:
         self.state.restore(self._rows(rows), snapshot)
 
     def _rows(self, rows: Rows | None) -> Rows:
-        """Return row numbers, all by default."""
-        return np.arange(self.n) if rows is None else np.asarray(rows, np.int64)
+        """Return row numbers, all by default.
+
+        Raises:
+            ValueError: there is no such row.
+        """
+        if rows is None:
+            return np.arange(self.n)
+        rows = np.asarray(rows, np.int64)
+        wrong = (rows < 0) | (rows >= self.n)
+        if wrong.any():
+            raise ValueError(f"expected rows from 0 to {self.n - 1}, found {rows[wrong][0]}")
+        return rows
 
     def _checked(self, actions: NDArray[np.int16]) -> NDArray[np.int16]:
         """Return actions as kernels read them.

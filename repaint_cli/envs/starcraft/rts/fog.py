@@ -56,11 +56,11 @@ def see(game: Game, world: World, stamped: np.ndarray, x: float, y: float, sight
     if stamped[row, column] >= reach:
         return
     stamped[row, column] = reach
-    for r in range(max(row - reach, 0), min(row + reach + 1, MAP_SIZE)):
+    left, bottom, right, top = world.cells
+    for r in range(max(row - reach, bottom), min(row + reach + 1, top)):
         half = HALF_WIDTHS[reach, abs(r - row)]
-        for c in range(max(column - half, 0), min(column + half + 1, MAP_SIZE)):
-            if world.open[r, c]:
-                game.visibility[r, c] = VISIBLE
+        for c in range(max(column - half, left), min(column + half + 1, right)):
+            game.visibility[r, c] = VISIBLE
 
 
 @kernel

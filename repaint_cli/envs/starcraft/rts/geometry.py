@@ -5,7 +5,13 @@ from typing import Any
 
 import numpy as np
 
-from repaint_cli.envs.starcraft.rts.constants import ACCELERATION, LEG_LOOPS, LOOPS_PER_SECOND, SCV
+from repaint_cli.envs.starcraft.rts.constants import (
+    ACCELERATION,
+    EDGE,
+    LEG_LOOPS,
+    LOOPS_PER_SECOND,
+    SCV,
+)
 from repaint_cli.kernels import kernel
 
 Game = Any
@@ -134,7 +140,7 @@ def row_of(world: World, y: float) -> int:
 def disc_covers(world: World, x: float, y: float, radius: float, px: int, py: int) -> bool:
     """Tell whether a unit's disc covers a pixel: its middle, or the disc's middle is in it."""
     dx, dy = world_x(world, px) - x, world_y(world, py) - y
-    if dx * dx + dy * dy <= radius * radius:
+    if dx * dx + dy * dy <= radius * radius + EDGE:
         return True
     return column_of(world, x) == px and row_of(world, y) == py
 
@@ -142,4 +148,5 @@ def disc_covers(world: World, x: float, y: float, radius: float, px: int, py: in
 @kernel
 def box_covers(world: World, x: float, y: float, half: float, px: int, py: int) -> bool:
     """Tell whether a structure's square covers the middle of a pixel."""
-    return abs(world_x(world, px) - x) <= half and abs(world_y(world, py) - y) <= half
+    reach = half + EDGE
+    return abs(world_x(world, px) - x) <= reach and abs(world_y(world, py) - y) <= reach

@@ -103,6 +103,11 @@ class MapSpec:
                 raise ValueError(f"expected {setting} from {low} to {high}, found {value}")
         if len(self.patches) > MAX_PATCHES:
             raise ValueError(f"expected at most {MAX_PATCHES} patches, found {len(self.patches)}")
+        left, bottom, right, top = self.region
+        if not (0.0 <= left <= right - 2.0 <= 62.0 and 0.0 <= bottom <= top - 2.0 <= 62.0):
+            raise ValueError(
+                f"expected a region of at least 2 × 2 units on a map of 64, found {self.region}"
+            )
         if not 1.0 <= self.camera.width <= 256.0:
             raise ValueError(f"expected a camera 1 to 256 units wide, found {self.camera.width}")
 

@@ -2,7 +2,7 @@
 
 A disc or a box covers the pixels whose middles are in it, and at least the pixel that its own
 middle is in: those are also the pixels that select it. Of 16 points in a pixel, `unit_density_aa`
-counts those that are in it.
+counts those that are in it. Of an enemy only the pixels show that are visible.
 """
 
 import math
@@ -10,13 +10,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from repaint_cli.envs.starcraft.rts.constants import SCREEN
+from repaint_cli.envs.starcraft.rts.constants import EDGE, ENEMY, SCREEN, VISIBLE
 from repaint_cli.kernels import kernel
 
-SCREEN_RELATIVE, SCREEN_TYPE, SCREEN_SELECTED, SCREEN_HP, SCREEN_RATIO, DENSITY, DENSITY_AA = range(
-    2, 9
-)
-MINIMAP_RELATIVE, MINIMAP_SELECTED = 1, 2
+SCREEN_VISIBILITY, SCREEN_RELATIVE, SCREEN_TYPE, SCREEN_SELECTED = range(1, 5)
+SCREEN_HP, SCREEN_RATIO, DENSITY, DENSITY_AA = range(5, 9)
+MINIMAP_VISIBILITY, MINIMAP_RELATIVE, MINIMAP_SELECTED = range(3)
 """Indices of layers."""
 MOST_DENSE = 15
 """Units that a pixel of `unit_density` counts at most."""
@@ -51,8 +50,8 @@ def pixels(low: float, high: float, pixel: float) -> tuple[int, int]:
 def holds(figure: np.ndarray, dx: float, dy: float) -> bool:
     """Tell whether a point, from the middle of a figure, is in it."""
     if figure[HALF_Y] > 0.0:
-        return bool(abs(dx) <= figure[HALF_X] and abs(dy) <= figure[HALF_Y])
-    return bool(dx * dx + dy * dy <= figure[HALF_X] * figure[HALF_X])
+        return bool(abs(dx) <= figure[HALF_X] + EDGE and abs(dy) <= figure[HALF_Y] + EDGE)
+    return bool(dx * dx + dy * dy <= figure[HALF_X] * figure[HALF_X] + EDGE)
 
 
 @kernel
@@ -61,10 +60,10 @@ def points_in(figure: np.ndarray, dx: float, dy: float, pixel: float) -> int:
     if figure[HALF_Y] > 0.0:
         across, along = 0, 0
         for i in range(POINTS):
-            across += abs(dx + (i + 0.5) / POINTS * pixel) <= figure[HALF_X]
-            along += abs(dy - (i + 0.5) / POINTS * pixel) <= figure[HALF_Y]
+            across += abs(dx + (i + 0.5) / POINTS * pixel) <= figure[HALF_X] + EDGE
+            along += abs(dy - (i + 0.5) / POINTS * pixel) <= figure[HALF_Y] + EDGE
         return across * along
-    count, square = 0, figure[HALF_X] * figure[HALF_X]
+    count, square = 0, figure[HALF_X] * figure[HALF_X] + EDGE
     for j in range(POINTS):
         y = dy - (j + 0.5) / POINTS * pixel
         for i in range(POINTS):
@@ -91,6 +90,8 @@ def paint_screen(layers: np.ndarray, lens: Lens, figure: np.ndarray) -> None:
     ratio = brightness(figure[HP] / figure[MOST_HP])
     for row in range(top, bottom):
         for column in range(first, end):
+            if figure[RELATIVE] == ENEMY and layers[SCREEN_VISIBILITY, row, column] != VISIBLE:
+                continue
             dx, dy = column * lens.pixel - x, y - row * lens.pixel  # to the pixel's corner
             points = points_in(figure, dx, dy, lens.pixel)
             dense = int(layers[DENSITY_AA, row, column]) + points
@@ -118,6 +119,8 @@ def paint_minimap(layers: np.ndarray, lens: Lens, figure: np.ndarray) -> None:
     own_column, own_row = math.floor(x / lens.pixel), math.floor(y / lens.pixel)
     for row in range(top, bottom):
         for column in range(first, end):
+            if figure[RELATIVE] == ENEMY and layers[MINIMAP_VISIBILITY, row, column] != VISIBLE:
+                continue
             dx, dy = (column + 0.5) * lens.pixel - x, y - (row + 0.5) * lens.pixel
             own = column == own_column and row == own_row
             if own or holds(figure, dx, dy):

@@ -130,8 +130,13 @@ class State:
 
     def snapshot(self, rows: NDArray[np.int64]) -> NDArray[np.void]:
         """Return copies of some games, (K,) of `GAME`."""
-        return self.arrays[rows].copy()
+        return bytes_of(self.arrays)[rows].view(GAME)[:, 0]
 
     def restore(self, rows: NDArray[np.int64], snapshot: NDArray[np.void]) -> None:
         """Put games (K,) back as they were when the snapshot was made."""
-        self.arrays[rows] = snapshot
+        bytes_of(self.arrays)[rows] = bytes_of(snapshot)
+
+
+def bytes_of(games: NDArray[np.void]) -> NDArray[np.uint8]:
+    """Return the bytes of games, (N, bytes), a view; those between fields are copied with them."""
+    return np.ascontiguousarray(games).view(np.uint8).reshape(len(games), GAME.itemsize)

@@ -20,7 +20,7 @@ from repaint_cli.envs.starcraft.rts.fog import lift_fog
 from repaint_cli.envs.starcraft.rts.geometry import Game, World, chance, place_scv
 from repaint_cli.envs.starcraft.rts.recruits import first_marines
 from repaint_cli.envs.starcraft.rts.selection import update_available
-from repaint_cli.envs.starcraft.rts.state import ABSENT, IDLE, MARINES
+from repaint_cli.envs.starcraft.rts.state import ABSENT, IDLE, MARINES, bytes_of
 from repaint_cli.envs.starcraft.rts.zerglings import place_zerglings
 from repaint_cli.kernels import kernel
 
@@ -127,7 +127,7 @@ def begin_games(
     seeds: NDArray[np.int64],
 ) -> None:  # fmt: skip
     """Begin some games anew; see `begin_rows`."""
-    games[rows] = np.zeros(1, games.dtype)
+    bytes_of(games)[rows] = 0
     begin_rows(rows, games, world, seeds)
     settle_rows(rows, games, world)
 

@@ -37,6 +37,7 @@ WORLD = np.dtype(
         ("regeneration", "f8"),  # of a zergling, hit points a loop
         ("cell_x", "i2", (SCREEN,)), ("cell_y", "i2", (SCREEN,)),  # of a pixel; −1: off the map
         ("open", "u1", (MAP_SIZE, MAP_SIZE)),  # cells whose middle is in the region, [y, x]
+        ("cells", "i2", (4,)),  # of these: first column and row, end of columns and of rows
         ("ground", "u1", (SCREEN, SCREEN)),  # layer height_map
     ],
     align=True,
@@ -100,6 +101,8 @@ def _lay_out(world: np.void, region: Rectangle) -> None:
         cells[:] = np.where(inside, np.floor(places), -1)
     middles = np.arange(MAP_SIZE) + 0.5
     world["open"][:] = _inside(middles, middles, region)
+    rows, columns = np.nonzero(world["open"])
+    world["cells"] = columns.min(), rows.min(), columns.max() + 1, rows.max() + 1
     world["ground"][:] = 127 * _inside(xs, ys, region)
 
 
