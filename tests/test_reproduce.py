@@ -18,6 +18,9 @@ from test_files import full_disk
 from repaint_cli.errors import CheckpointError, NotFound, StoreError
 from repaint_cli.files.paths import PACKAGE
 
+sys.path.append(str(Path(__file__).parents[1] / "tools"))
+import finished_runs
+
 SMOKE = ["--scale", "smoke"]
 
 
@@ -86,6 +89,16 @@ def test_what_was_stopped_goes_on_and_a_teacher_is_made_first(repaint, mine, mon
     )
     assert [found["file"] for found in record["teachers"]] == [str(teacher)]
     assert not list((mine / "home" / "zoo").glob("new-hand*"))
+
+    monkeypatch.setattr(finished_runs, "KEPT", mine / "kept")
+    kept = list(finished_runs.keep(mine / "reproduce"))
+    assert len(kept) == 3
+    restored = list(finished_runs.restore(mine / "elsewhere"))
+    assert sorted(path.name for path in restored) == sorted(path.name for path in kept)
+    assert not list(finished_runs.restore(mine / "elsewhere"))
+    said = repaint("reproduce", "mine.toml", *SMOKE, "--into", "elsewhere")
+    assert said.code == 0, said.err
+    assert "0 to train" in said.err
 
     metrics = begun / "metrics.csv"
     metrics.write_text(metrics.read_text().replace("eval_return", "mean_return"))

@@ -17,6 +17,7 @@ from repaint_cli.runs.experiment import Experiment
 from repaint_cli.runs.metrics import Report
 from repaint_cli.runs.plan import Plan
 from repaint_cli.runs.record_parts import Alarm
+from repaint_cli.zoo.teacher_card import interval_text
 
 
 class Screen(Watcher):
@@ -134,11 +135,12 @@ def _decided(plan: Plan) -> str:
 def _measured(plan: Plan) -> str:
     """Return what was measured before a run, and who earned most."""
     steps = sum(one.steps for one in plan.ranked)
-    best, basis = plan.ranked[0], plan.ranked[-1]
+    best, basis = (
+        interval_text(one.mean, one.low, one.high) for one in (plan.ranked[0], plan.ranked[-1])
+    )
     return (
         f"{len(plan.ranked) - 1} views of teachers, and untrained policies, played {steps:,} "
-        f"steps, which count; {best.name} earns {best.mean:.4g} [{best.low:.4g}, {best.high:.4g}], "
-        f"an untrained policy {basis.mean:.4g}"
+        f"steps, which count; {plan.ranked[0].name} earns {best}, an untrained policy {basis}"
     )
 
 
