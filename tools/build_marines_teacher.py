@@ -39,9 +39,9 @@ from repaint_cli.zoo.scoring import score
 from repaint_cli.zoo.teacher_card import TeacherCard
 
 SEED = 7
-SHARES = (1.0, 0.8, 0.6, 0.4, 0.2)
+SHARES = (1.0, 0.8, 0.6, 0.4, 0.2, 0.0)
 """How often the script acts, round by round; else the network does."""
-EPISODES, EPOCHS = 3, 3
+EPISODES, EPOCHS = 3, 4
 """Of a round, and how often all samples so far are learned after it."""
 LEARNING_RATE, MINIBATCH = 5e-4, 128
 
@@ -62,9 +62,11 @@ def play(
     engine = engine_of(task.env, 1)
     env = StarCraftVectorEnv(engine, 1)
     obs, _ = env.reset(seed=seed)
-    script, over = BuildOrder(engine.observe()), False
+    script = BuildOrder(engine.observe(), width=task.env.spec.camera.width)
+    over = False
     while not over:
-        wanted = action = script.act(engine.observe())
+        skipped, wanted = script.passed_over(), script.act(engine.observe())
+        action = wanted
         seen = {name: array[0].copy() for name, array in obs.items()}
         if rng.random() >= share:
             batch = {name: torch.from_numpy(array)[None] for name, array in obs.items()}
@@ -72,6 +74,7 @@ def play(
                 policy = student.policy(batch)
                 noise = policy.noise(rng, (1, 1, policy.n_actions))
                 action = policy.sample(torch.from_numpy(noise))[0, 0].numpy()
+            script = script if action[0] == wanted[0] else skipped
         obs, _, terminated, truncated, infos = env.step(action[None].astype(np.int64))
         over = bool(terminated[0] or truncated[0])
         yield seen, wanted, float(infos["marines_built"][0])
