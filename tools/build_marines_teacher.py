@@ -86,7 +86,9 @@ def certain(actions: Tensor, spaces: Spaces) -> Compound:
         torch.full((*actions.shape[:2], size), HIDDEN).scatter(-1, actions[..., p : p + 1], 0.0)
         for p, size in enumerate(spaces.sizes)
     ]
-    return Compound(torch.cat(parts, -1), spaces.sizes, torch.tensor(spaces.uses, dtype=torch.float32))
+    return Compound(
+        torch.cat(parts, -1), spaces.sizes, torch.tensor(spaces.uses, dtype=torch.float32)
+    )
 
 
 def samples_of(seen: list[dict[str, NDArray[Any]]], wanted: list[NDArray[np.int16]]) -> Samples:

@@ -2,18 +2,23 @@
 
 It sees what an agent sees, and no more: layers of the screen, measurements, and which commands are
 available. Its timeline in both engines shows how true the simulator is.
-
-Places on the screen are (column, row), pixels; places of buildings are units from the middle of the
-command centre, x to the east and y to the north.
 """
 
-from collections.abc import Iterable
 from copy import deepcopy
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from repaint_cli.envs.starcraft.build_sites import (
+    BARRACKS_SITES,
+    DEPOT_SITES,
+    Layer,
+    Place,
+    Site,
+    sites_of,
+    steps_of,
+)
 from repaint_cli.envs.starcraft.rts.constants import (
     BARRACKS,
     BARRACKS_TYPE,
@@ -22,7 +27,6 @@ from repaint_cli.envs.starcraft.rts.constants import (
     CENTRE_TYPE,
     DEPOT,
     DEPOT_TYPE,
-    LOOPS_PER_STEP,
     MARINE,
     MEASUREMENTS,
     SCREEN,
@@ -33,21 +37,9 @@ from repaint_cli.envs.starcraft.rts.constants import (
     SELF,
     TRAIN_MARINE,
     TRAIN_SCV,
-    UnitData,
 )
 from repaint_cli.envs.starcraft.rts.engine import Observation
 from repaint_cli.envs.starcraft.rts.maps import BUILD_MARINES
-
-DEPOT_SITES = [(x, -7.5) for x in np.arange(-7.5, 15, 2)] + [
-    (x, -5.5) for x in np.arange(-1.5, 15, 2)
-]
-"""Along the south edge of the base, then in front of these, units."""
-
-BARRACKS_SITES = [(x, y) for y in (6, 2, -2) for x in (6, 10, 14)]
-"""In the east, with ways between them, units."""
-
-PATIENCE = 40
-"""Steps in which an ordered building must have begun, else the site is taken for a bad one."""
 
 SOON, SOON_EACH = 2, 1.4
 """A depot is ordered when no more supply than this is left, and this for each finished barracks."""
@@ -60,42 +52,6 @@ COSTS = {
 
 AHEAD = 12
 """Steps before a building has trained a unit at which the next one is ordered."""
-
-Place = tuple[int, int]
-Layer = NDArray[np.uint8]
-
-
-def steps_of(unit: UnitData) -> int:
-    """Return how many steps a unit takes to be built or trained."""
-    return unit.build_loops // LOOPS_PER_STEP
-
-
-class Site:
-    """A place for a building."""
-
-    def __init__(self, place: Place, kind: int) -> None:
-        """Take a pixel, and the kind that the layer `unit_type` shows of such a building."""
-        self.place, self.kind = place, kind
-        self.ordered: int | None = None
-        """Since which step one is ordered here, until it stands."""
-        self.stands: int | None = None
-        """Since which step one stands here, finished or not."""
-        self.failures = 0
-        """How often nothing came of an order."""
-        self.busy_until = 0
-        """The step at which it will have trained all that is ordered."""
-
-    def look(self, types: Layer, step: int) -> None:
-        """See what stands here, and give up what was ordered too long ago."""
-        x, y = self.place
-        if self.stands is None and (types[y - 1 : y + 2, x - 1 : x + 2] == self.kind).any():
-            self.stands, self.ordered = step, None
-        if self.ordered is not None and step > self.ordered + PATIENCE:
-            self.ordered, self.failures = None, self.failures + 1
-
-    def is_finished(self, step: int, unit: UnitData) -> bool:
-        """Return whether one stands here since the time that it takes to build."""
-        return self.stands is not None and step >= self.stands + steps_of(unit)
 
 
 class Wish(NamedTuple):
@@ -135,8 +91,8 @@ class BuildOrder:
         rows, columns = np.nonzero(_layer(seen, "unit_type") == CENTRE_TYPE)
         middle = columns.mean() + 0.5, rows.mean() + 0.5
         self._centre = Site((int(middle[0]), int(middle[1])), CENTRE_TYPE)
-        self._depots = list(_sites(DEPOT_SITES, middle, self._scale, DEPOT_TYPE))
-        self._halls = list(_sites(BARRACKS_SITES, middle, self._scale, BARRACKS_TYPE))
+        self._depots = list(sites_of(DEPOT_SITES, middle, self._scale, DEPOT_TYPE))
+        self._halls = list(sites_of(BARRACKS_SITES, middle, self._scale, BARRACKS_TYPE))
         self._first = self._numbers(seen)
         self._wish: Wish | None = None
 
@@ -259,10 +215,3 @@ def _layer(seen: Observation, name: str) -> Layer:
     """Return a layer of the first game's screen, where it shows what is ours; else 0."""
     own = seen.screen[0, SCREEN_LAYERS.index("player_relative")] == SELF
     return np.where(own, seen.screen[0, SCREEN_LAYERS.index(name)], 0).astype(np.uint8)
-
-
-def _sites(
-    places: Iterable[tuple[float, float]], middle: tuple[float, float], scale: float, kind: int
-) -> Iterable[Site]:
-    for x, y in places:
-        yield Site((int(middle[0] + scale * x), int(middle[1] - scale * y)), kind)
