@@ -2,17 +2,23 @@
 
 It sees what an agent sees, and no more: layers of the screen, measurements, and which commands are
 available. Its timeline in both engines shows how true the simulator is.
-
-Places on the screen are (column, row), pixels; places of buildings are units from the middle of the
-command centre, x to the east and y to the north.
 """
 
-from collections.abc import Iterable
+from copy import deepcopy
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from repaint_cli.envs.starcraft.build_sites import (
+    BARRACKS_SITES,
+    DEPOT_SITES,
+    Layer,
+    Place,
+    Site,
+    sites_of,
+    steps_of,
+)
 from repaint_cli.envs.starcraft.rts.constants import (
     BARRACKS,
     BARRACKS_TYPE,
@@ -21,7 +27,6 @@ from repaint_cli.envs.starcraft.rts.constants import (
     CENTRE_TYPE,
     DEPOT,
     DEPOT_TYPE,
-    LOOPS_PER_STEP,
     MARINE,
     MEASUREMENTS,
     SCREEN,
@@ -32,66 +37,21 @@ from repaint_cli.envs.starcraft.rts.constants import (
     SELF,
     TRAIN_MARINE,
     TRAIN_SCV,
-    UnitData,
 )
 from repaint_cli.envs.starcraft.rts.engine import Observation
 from repaint_cli.envs.starcraft.rts.maps import BUILD_MARINES
 
-SCALE = SCREEN / BUILD_MARINES.camera.width
-"""Pixels per unit."""
-
-DEPOT_SITES = [(x, -7.5) for x in np.arange(-7.5, 15, 2)] + [
-    (x, -5.5) for x in np.arange(-1.5, 15, 2)
-]
-"""Along the south edge of the base, then in front of these, units."""
-
-BARRACKS_SITES = [(x, y) for y in (6, 2, -2) for x in (6, 10, 14)]
-"""In the east, with ways between them, units."""
-
-PATIENCE = 40
-"""Steps in which an ordered building must have begun, else the site is taken for a bad one."""
-
 SOON, SOON_EACH = 2, 1.4
 """A depot is ordered when no more supply than this is left, and this for each finished barracks."""
 
+COSTS = {
+    BUILD_DEPOT: DEPOT.cost, BUILD_BARRACKS: BARRACKS.cost, TRAIN_SCV: SCV.cost,
+    TRAIN_MARINE: MARINE.cost,
+}  # fmt: skip
+"""Of commands, minerals."""
+
 AHEAD = 12
 """Steps before a building has trained a unit at which the next one is ordered."""
-
-Place = tuple[int, int]
-Layer = NDArray[np.uint8]
-
-
-def steps_of(unit: UnitData) -> int:
-    """Return how many steps a unit takes to be built or trained."""
-    return unit.build_loops // LOOPS_PER_STEP
-
-
-class Site:
-    """A place for a building."""
-
-    def __init__(self, place: Place, kind: int) -> None:
-        """Take a pixel, and the kind that the layer `unit_type` shows of such a building."""
-        self.place, self.kind = place, kind
-        self.ordered: int | None = None
-        """Since which step one is ordered here, until it stands."""
-        self.stands: int | None = None
-        """Since which step one stands here, finished or not."""
-        self.failures = 0
-        """How often nothing came of an order."""
-        self.busy_until = 0
-        """The step at which it will have trained all that is ordered."""
-
-    def look(self, types: Layer, step: int) -> None:
-        """See what stands here, and give up what was ordered too long ago."""
-        x, y = self.place
-        if self.stands is None and (types[y - 1 : y + 2, x - 1 : x + 2] == self.kind).any():
-            self.stands, self.ordered = step, None
-        if self.ordered is not None and step > self.ordered + PATIENCE:
-            self.ordered, self.failures = None, self.failures + 1
-
-    def is_finished(self, step: int, unit: UnitData) -> bool:
-        """Return whether one stands here since the time that it takes to build."""
-        return self.stands is not None and step >= self.stands + steps_of(unit)
 
 
 class Wish(NamedTuple):
@@ -111,22 +71,29 @@ class BuildOrder:
     Every command takes two steps, as its building or SCV is selected before.
     """
 
-    def __init__(self, seen: Observation, scvs: int = 20, barracks: int = 7) -> None:
+    def __init__(
+        self,
+        seen: Observation,
+        scvs: int = 20,
+        barracks: int = 7,
+        width: float = BUILD_MARINES.camera.width,
+    ) -> None:
         """Look where the command centre is.
 
         Args:
             seen: of the episode's beginning; only its first game is looked at.
             scvs: how many to have.
             barracks: how many to have.
+            width: of what the screen shows, units.
         """
         self._scvs, self._barracks, self._step = scvs, barracks, 0
+        self._scale = SCREEN / width  # pixels a unit
         rows, columns = np.nonzero(_layer(seen, "unit_type") == CENTRE_TYPE)
         middle = columns.mean() + 0.5, rows.mean() + 0.5
         self._centre = Site((int(middle[0]), int(middle[1])), CENTRE_TYPE)
-        self._depots = list(_sites(DEPOT_SITES, middle, DEPOT_TYPE))
-        self._halls = list(_sites(BARRACKS_SITES, middle, BARRACKS_TYPE))
+        self._depots = list(sites_of(DEPOT_SITES, middle, self._scale, DEPOT_TYPE))
+        self._halls = list(sites_of(BARRACKS_SITES, middle, self._scale, BARRACKS_TYPE))
         self._first = self._numbers(seen)
-        self._ordered_scvs = self._first["food_workers"]
         self._wish: Wish | None = None
 
     def act(self, seen: Observation) -> NDArray[np.int16]:
@@ -134,15 +101,27 @@ class BuildOrder:
         types = _layer(seen, "unit_type")
         for site in (*self._depots, *self._halls):
             site.look(types, self._step)
-        wish, self._wish = self._wish, None
-        if wish is not None and seen.available[0, wish.command]:
-            action = self._carry_out(wish)
+        before, self._wish = self._wish, self._next(seen, types)
+        if before is not None and self._may(before, seen):
+            action = self._carry_out(before)
+            self._wish = None
         else:
-            self._wish = self._next(seen, types)
             place = self._wish.select if self._wish else self._centre.place
             action = (SELECT_POINT, *place)
         self._step += 1
         return np.array(action, np.int16)
+
+    def passed_over(self) -> "BuildOrder":
+        """Return the player as if not asked for this step's action, which another one chose."""
+        other = deepcopy(self)
+        other._wish, other._step = None, self._step + 1
+        return other
+
+    def _may(self, before: Wish, seen: Observation) -> bool:
+        """Return whether the last step's wish can be carried out, and is still one."""
+        wanted = self._wish is not None and self._wish.command == before.command
+        affordable = self._numbers(seen)["minerals"] - self._promised() >= COSTS[before.command]
+        return wanted and affordable and bool(seen.available[0, before.command])
 
     def _carry_out(self, wish: Wish) -> tuple[int, int, int]:
         """Return the action of a command whose turn it is, and remember that it was given."""
@@ -151,24 +130,20 @@ class BuildOrder:
             site.ordered = self._step
             return (wish.command, *site.place)
         unit = SCV if wish.command == TRAIN_SCV else MARINE
-        self._ordered_scvs += wish.command == TRAIN_SCV
         site.busy_until = max(site.busy_until, self._step) + steps_of(unit)
         return (wish.command, 0, 0)
 
     def _next(self, seen: Observation, types: Layer) -> Wish | None:
-        """Return what to do next, or None while minerals are saved for it."""
+        """Return what to do next, as soon as there are minerals for it; None where it must wait."""
         has = self._numbers(seen)
-        minerals = has["minerals"] - self._promised()
         room = has["food_cap"] - has["food_used"]
         if self._wants_depot(has):
-            return self._build(BUILD_DEPOT, self._depots, types) if minerals >= DEPOT.cost else None
-        if room > 0 and self._wants_scv():
-            wish = Wish(TRAIN_SCV, self._centre.place)
-            return wish if minerals >= SCV.cost else None
+            return self._build(BUILD_DEPOT, self._depots, types)
+        if room > 0 and self._wants_scv(has):
+            return Wish(TRAIN_SCV, self._centre.place)
         if self._wants_barracks(has):
-            ready = minerals >= BARRACKS.cost
-            return self._build(BUILD_BARRACKS, self._halls, types) if ready else None
-        return self._train(types) if room > 0 and minerals >= MARINE.cost else None
+            return self._build(BUILD_BARRACKS, self._halls, types)
+        return self._train(types) if room > 0 else None
 
     def _promised(self) -> int:
         """Return the minerals that buildings will take which are ordered and not begun."""
@@ -187,8 +162,14 @@ class BuildOrder:
         room = has["food_cap"] - has["food_used"] - DEPOT.supply * coming
         return room <= soon and has["food_cap"] < 200
 
-    def _wants_scv(self) -> bool:
-        return self._ordered_scvs < self._scvs and self._centre.busy_until <= self._step + 2
+    def _wants_scv(self, has: dict[str, int]) -> bool:
+        marines = sum(
+            -((site.busy_until - self._step) // -steps_of(MARINE))
+            for site in self._halls
+            if site.busy_until > self._step
+        )
+        ordered = has["food_used"] - has["army_count"] - marines
+        return ordered < self._scvs and self._centre.busy_until <= self._step + 2
 
     def _wants_barracks(self, has: dict[str, int]) -> bool:
         there = sum(site.stands is not None or site.ordered is not None for site in self._halls)
@@ -201,7 +182,7 @@ class BuildOrder:
         for near, data in ((self._depots, DEPOT), (self._halls, BARRACKS)):
             for site in near:
                 if site.stands is not None and not site.is_finished(self._step, data):
-                    reach = (data.radius + 1) * SCALE
+                    reach = (data.radius + 1) * self._scale
                     far = np.maximum(abs(columns - site.place[0]), abs(rows - site.place[1]))
                     rows, columns = rows[far > reach], columns[far > reach]
         if not free or not len(rows):
@@ -215,12 +196,14 @@ class BuildOrder:
         """Return a wish for a marine of the barracks that is free first."""
         halls = [site for site in self._halls if site.is_finished(self._step, BARRACKS)]
         halls = [site for site in halls if site.busy_until <= self._step + AHEAD]
+        near = round(1.1 * self._scale)
         for site in sorted(halls, key=lambda one: one.busy_until):
-            x, y = site.place
-            rows, columns = np.nonzero(types[y - 4 : y + 5, x - 4 : x + 5] == BARRACKS_TYPE)
+            left, top = (place - near for place in site.place)
+            around = types[top : top + 2 * near + 1, left : left + 2 * near + 1]
+            rows, columns = np.nonzero(around == BARRACKS_TYPE)
             if len(rows):
                 i = len(rows) // 2
-                return Wish(TRAIN_MARINE, (int(x - 4 + columns[i]), int(y - 4 + rows[i])), site)
+                return Wish(TRAIN_MARINE, (left + int(columns[i]), top + int(rows[i])), site)
         return None
 
     @staticmethod
@@ -232,10 +215,3 @@ def _layer(seen: Observation, name: str) -> Layer:
     """Return a layer of the first game's screen, where it shows what is ours; else 0."""
     own = seen.screen[0, SCREEN_LAYERS.index("player_relative")] == SELF
     return np.where(own, seen.screen[0, SCREEN_LAYERS.index(name)], 0).astype(np.uint8)
-
-
-def _sites(
-    places: Iterable[tuple[float, float]], middle: tuple[float, float], kind: int
-) -> Iterable[Site]:
-    for x, y in places:
-        yield Site((int(middle[0] + SCALE * x), int(middle[1] - SCALE * y)), kind)

@@ -48,7 +48,8 @@ def side_by_side(settings: "StarCraftSimulator", engine: str) -> list[str]:
         raise CardError(f"expected the map build-marines for a build order, found {settings.map}")
     columns = {}
     for name in dict.fromkeys((engine, "mini")):  # what may be absent comes first
-        players = engine_of(settings.model_copy(update={"engine": name}), 1)
+        own = {"engine": name, "camera": "map"}  # the game's, which nobody can move
+        players = engine_of(settings.model_copy(update=own), 1)
         try:
             columns[name] = {event[1:]: event for event in timelines(players)}
         finally:

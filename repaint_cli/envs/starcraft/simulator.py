@@ -9,7 +9,7 @@ from pydantic import Field, field_validator, model_validator
 from repaint_cli.envs.simulator import Simulator
 from repaint_cli.envs.starcraft.names import RECORDS, TERMS
 from repaint_cli.envs.starcraft.rts.constants import COMMANDS, MAX_SCVS, MAX_ZERGLINGS
-from repaint_cli.envs.starcraft.rts.maps import MAPS, Camera, MapSpec, Rectangle
+from repaint_cli.envs.starcraft.rts.maps import BUILD_MARINES_FDZ, MAPS, Camera, MapSpec, Rectangle
 from repaint_cli.errors import RenderError
 from repaint_cli.settings import EvalConfig
 
@@ -41,6 +41,9 @@ class StarCraftSimulator(Simulator):
     map_size: int | None = Field(None, ge=40, le=60)
     """Side of the playable square of build-marines-fdz, units; absent: 60. The paper says only that
     this map is the larger one."""
+    camera: Literal["map", "large"] = "map"
+    """What the screen shows: all of this map that can be played on, or what it shows of
+    build-marines-fdz, where the base is then at the same pixels."""
     layers: Literal["terran", "coach-prefix"] = "terran"
     """Which of PySC2's layers the pictures have: those that are not empty in these games, or the
     first nine and the first three. The paper does not name them."""
@@ -91,6 +94,8 @@ class StarCraftSimulator(Simulator):
             low, high = MIDDLE - self.map_size / 2, MIDDLE + self.map_size / 2
             camera = Camera(MIDDLE, MIDDLE, self.map_size + 2 * MARGIN)
             own = replace(own, region=Rectangle(low, low, high, high), camera=camera)
+        if self.camera == "large" and self.map != LARGE_MAP:
+            own = replace(own, camera=BUILD_MARINES_FDZ.camera)
         return replace(
             own,
             minutes=own.minutes if self.minutes is None else self.minutes,
