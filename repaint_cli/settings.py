@@ -155,10 +155,13 @@ class PPOConfig(Settings):
 
 
 class EvalConfig(Settings):
-    """Evaluation after every iteration, with the deterministic policy."""
+    """Evaluation after every iteration."""
 
     episodes: int = Field(20, gt=0)
     """Episodes per seed and evaluation."""
+    actions: Literal["likeliest", "sampled"] = "likeliest"
+    """Whether a policy takes its likeliest actions, or draws them as in training, by which one that
+    does not see all that matters may do better. Not of q-learning."""
     noise: Literal["none", "paper"] = "none"
     """Small noise on observations and actions (racer only; paper, appendix B.1)."""
     both_directions: bool = False

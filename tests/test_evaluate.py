@@ -134,6 +134,15 @@ def test_a_sight_is_what_followed_the_step():
         assert_array_equal(obs["lidar"][0], seen["lidar"][t])
 
 
+def test_actions_are_drawn_where_the_card_says_so(reacher):
+    network, drawn = student(reacher), reacher.with_settings(["eval.actions=sampled"])
+    once, again, likeliest = (
+        evaluate(network, task, [0], 2).actions for task in (drawn, drawn, reacher)
+    )
+    assert_array_equal(once, again)
+    assert np.std(once - likeliest) > 0.5  # σ is 1, and actions are cut at 1
+
+
 def test_other_tasks_have_no_paths_and_no_progress(reacher):
     assert evaluate(student(reacher), reacher, [0], 1).progress is None
     cheetah = reacher.with_settings(["env.id=Swimmer-v5"]).model_copy(

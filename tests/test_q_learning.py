@@ -185,6 +185,12 @@ def test_continuous_actions_are_refused():
         next(learn(task, learner_of(task, [0])))
 
 
+def test_evaluations_that_draw_actions_are_refused():
+    task = learning(guess().with_settings(["eval.actions=sampled"]))
+    with pytest.raises(CardError, match=r"expected eval\.actions 'likeliest' for q"):
+        next(learn(task, learner_of(task, [0])))
+
+
 def test_no_gradient_is_longer_than_the_card_says():
     norms = []
     for limit in (None, 1e-3):

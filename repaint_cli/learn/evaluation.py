@@ -1,4 +1,4 @@
-"""Evaluation: whole episodes of a policy's most likely actions."""
+"""Evaluation: whole episodes of a policy's most likely actions, or as it draws them."""
 
 from collections.abc import Iterable
 from dataclasses import replace
@@ -78,7 +78,7 @@ def evaluate(
     keep_observations: bool = False,
     functions: Functions | None = None,
 ) -> Episodes:
-    """Play E episodes with each seed's most likely actions.
+    """Play E episodes with each seed's most likely actions, unless the card says otherwise.
 
     The environments' seeds depend on the run seed, the purpose and the iteration, never on the
     method, so that methods meet the same episodes. Racing cards add the paper's small noise and
@@ -122,8 +122,9 @@ def play(
     rngs = [generator(seed, purpose, iteration) for seed in seeds]
     with doing("playing" if purpose is Purpose.SCORE else "evaluating"):
         rollout = collect(
-            env, obs, act, rngs, greedy=True, record=task.env.records, keep_images=keep_images
-        )
+            env, obs, act, rngs, greedy=task.eval.actions == "likeliest",
+            record=task.env.records, keep_images=keep_images,
+        )  # fmt: skip
     rollout = replace(rollout, actions=clip(rollout.actions, env))
     env.close()
     return rollout, _episodes(task, rollout, env_seeds(seeds, purpose, iteration, n_episodes))

@@ -92,11 +92,16 @@ def _collect(
 
 
 def check_actions(card: TaskCard, spaces: Spaces) -> None:
-    """Check that a task's actions are numbered.
+    """Check that a task's actions are numbered, and that evaluations take the best.
 
     Raises:
-        CardError: the actions are continuous, or of several numbers.
+        CardError: the actions are continuous, or of several numbers, or evaluations draw them.
     """
+    if card.eval.actions != "likeliest":
+        raise CardError(
+            f"expected eval.actions 'likeliest' for q-learning, found '{card.eval.actions}' in "
+            f"'{card.name}'"
+        )
     if not spaces.discrete or spaces.sizes:
         raise CardError(
             f"expected numbered actions for q-learning, found {spaces} in '{card.name}'"
