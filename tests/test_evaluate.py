@@ -140,7 +140,7 @@ def test_actions_are_drawn_where_the_card_says_so(reacher):
         evaluate(network, task, [0], 2).actions for task in (drawn, drawn, reacher)
     )
     assert_array_equal(once, again)
-    assert np.std(once - likeliest) > 0.5  # σ is 1, and actions are cut at 1
+    assert np.std(once - likeliest) > 0.2  # σ is 1, and many actions are cut at 1
 
 
 def test_other_tasks_have_no_paths_and_no_progress(reacher):
