@@ -58,7 +58,9 @@ def _compiled(function: _Function, **options: Any) -> _Function:
         compiled = numba.njit(nogil=True, cache=bool(_FOLDER), **options)(function)
     finally:
         config["CACHE_DIR"] = before  # that of kernels that are not ours
-    if _FOLDER:  # numba's own stamp is that of the function's file alone
+    if (
+        _FOLDER and not config["DISABLE_JIT"]
+    ):  # numba's own stamp is that of the function's file alone
         folder = Path(function.__code__.co_filename).parent
         compiled._cache._cache_file._source_stamp = _stamp(folder)
     return cast(_Function, compiled)

@@ -299,7 +299,10 @@ def test_the_build_order_plays_by_what_the_real_layers_show(play):
     relative[30, 12] = 1
     layers = {"unit_type": types, "player_relative": relative}
     settings = {"layers": layers, "abilities": (319, 524)}
-    games = play(frame(0, **settings), frame(8, minerals=120, food_used=13, **settings))
+    later = [
+        frame(8 * t, minerals=120, food_used=used, **settings) for t, used in ((1, 12), (2, 13))
+    ]
+    games = play(frame(0, **settings), *later)
     engine = begin()
     seen = engine.observe()
     order = BuildOrder(seen)

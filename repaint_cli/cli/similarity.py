@@ -135,16 +135,21 @@ def _print_views(pair: "Similarity") -> None:
         print(command("train one first: repaint train-teacher --task {}", pair.teacher))
 
 
+LONG = 20
+"""Letters of the longest name that stands over a column in one line."""
+
+
 def _print_matrix(similarities: "Similarities") -> None:
     """Print a table of cosines per group of comparable tasks."""
     from rich.console import Console
-    from rich.table import Table
+    from rich.table import Column, Table
 
     from repaint_cli.cli.console import literal
 
     out, groups = Console(highlight=False), similarities.groups()
     for group in groups:
-        table = Table("teacher \\ target", *(literal(card.name) for card in group), box=None)
+        corner = Column("teacher \\ target", no_wrap=True)
+        table = Table(corner, *(literal(_heading(card.name)) for card in group), box=None)
         for teacher in group:
             cells = (_cell(similarities.of(teacher, target)) for target in group)
             table.add_row(literal(teacher.name), *cells)
@@ -159,6 +164,15 @@ def _print_matrix(similarities: "Similarities") -> None:
     for group in groups[1:]:
         pair = similarities.of(groups[0][0], group[0])
         out.print(literal(f"  {pair.teacher}, {pair.target}: {pair.reason}"), soft_wrap=True)
+
+
+def _heading(name: str) -> str:
+    """Return a name over a column of numbers, a long one in two lines."""
+    middle = min(
+        (i + 1 for i, letter in enumerate(name) if letter == "-"),
+        key=lambda i: abs(2 * i - len(name)), default=0,
+    )  # fmt: skip
+    return f"{name[:middle]}\n{name[middle:]}" if middle and len(name) > LONG else name
 
 
 def _cell(pair: "Similarity") -> str:
