@@ -19,7 +19,7 @@ MINES = replace(BUILD_MARINES, scv_after_build="mine")
 
 @lru_cache
 def played(scvs, barracks, spec=MINES):
-    return timelines(MiniRTS(spec, 1), scvs, barracks)
+    return timelines(MiniRTS(spec, 1), scvs, barracks, width=spec.camera.width)
 
 
 def first(events, what):
@@ -89,4 +89,4 @@ def test_the_timeline_of_an_engine_that_builds_nothing_is_its_end():
             ended = np.array([self.steps == 5])
             return np.zeros((1, 8), np.float32), np.array([False]), ended
 
-    assert timelines(Idle()) == [Event(40, "end", 0)]
+    assert timelines(Idle(), width=24) == [Event(40, "end", 0)]

@@ -58,7 +58,7 @@ def games(home):
         (["env.minerals=0"], "env.minerals: .* found 0"),
         (["env.zerglings=0"], "env.zerglings: .* found 0"),
         (["env.zerglings=41"], "env.zerglings: .* found 41"),
-        (["env.map=build-marines", "env.zerglings=3"], "there are none on the map build-marines"),
+        (["env.map=build-marines", "env.zerglings=3"], "no zerglings on the map build-marines"),
         (["env.engine=fake"], "env.engine: .* found 'fake'"),
         (["env.layers=all"], "env.layers: .* found 'all'"),
         (["env.award_on=start"], "env.award_on: .* found 'start'"),

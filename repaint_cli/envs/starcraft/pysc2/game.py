@@ -205,7 +205,7 @@ class Game:
         if self._losses >= MOST_LOSSES:
             raise GameError(
                 f"StarCraft II was lost {self._losses} times in a row, last in {self._name} {when} "
-                f"({why}); is there memory for as many games (ppo.n_envs)?"
+                f"({why}); is there memory for as many games (ppo.n_episodes, eval.episodes)?"
             ) from error
         warn(
             f"StarCraft II was lost in {self._name} {when} ({why}); the episode is cut off there, "
@@ -214,10 +214,14 @@ class Game:
 
 
 def _losses() -> tuple[type[Exception], ...]:
-    """Return what PySC2 raises where the process or the connection to it is gone."""
-    from pysc2.lib import protocol
+    """Return what PySC2 raises where the process is gone; of an empty observation RuntimeError."""
+    import websocket
+    from pysc2.lib import protocol, remote_controller
 
-    return protocol.ConnectionError, protocol.ProtocolError
+    return (
+        protocol.ConnectionError, protocol.ProtocolError, remote_controller.RequestError,
+        websocket.WebSocketException, RuntimeError,
+    )  # fmt: skip
 
 
 def _array(terms: dict[str, Any]) -> NDArray[np.float32]:
