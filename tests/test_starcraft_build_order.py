@@ -40,11 +40,14 @@ def test_it_makes_as_many_marines_as_bots_of_the_same_size_do_in_the_game(
     assert max(event.number for event in events if event.what == "barracks") == barracks
 
 
-def test_the_manual_says_how_many_marines_it_makes():
+def test_the_manuals_say_how_many_marines_it_makes():
     page = " ".join((DOCS / "starcraft-real.md").read_text(encoding="utf-8").split())
     waits, mines = played(20, 7, BUILD_MARINES)[-1].number, played(20, 7)[-1].number
     assert f"it ends with {waits} marines; where they go back to mine" in page
     assert f'(`env.scv_after_build = "mine"`), with {mines}.' in page
+    page = " ".join((DOCS / "starcraft.md").read_text(encoding="utf-8").split())
+    assert f"with 20 SCVs and 7 barracks builds {mines} marines here" in page
+    assert f"(`env.scv_after_build=mine`), and {waits} where they wait" in page
 
 
 def test_things_come_one_after_the_other_as_long_as_they_take():
