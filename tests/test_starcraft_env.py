@@ -8,10 +8,10 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from repaint_cli.envs.starcraft.env import StarCraftVectorEnv
 from repaint_cli.envs.starcraft.layers import MINIMAP_LAYERS, SCREEN_LAYERS, Spread
-from repaint_cli.envs.starcraft.names import RECORDS, SUMS, TERMS
+from repaint_cli.envs.starcraft.names import RECORDS, SUMS
 from repaint_cli.envs.starcraft.reports import scaled
 from repaint_cli.envs.starcraft.rts import constants
-from repaint_cli.envs.starcraft.rts.constants import ALLY
+from repaint_cli.envs.starcraft.rts.constants import ALLY, TERMS
 from repaint_cli.envs.starcraft.rts.engine import MiniRTS
 from repaint_cli.envs.starcraft.simulator import StarCraftSimulator
 from repaint_cli.tasks.card_files import read_task

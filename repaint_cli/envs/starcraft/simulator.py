@@ -8,13 +8,14 @@ from pydantic import Field, field_validator, model_validator
 
 from repaint_cli.envs.simulator import Simulator
 from repaint_cli.envs.starcraft.chosen_map import chosen_map, own_camera
-from repaint_cli.envs.starcraft.names import RECORDS, TERMS
+from repaint_cli.envs.starcraft.names import RECORDS
 from repaint_cli.envs.starcraft.pysc2.maps import longest
 from repaint_cli.envs.starcraft.rts.constants import (
     COMMANDS,
     LOOPS_PER_STEP,
     MAX_SCVS,
     MAX_ZERGLINGS,
+    TERMS,
 )
 from repaint_cli.envs.starcraft.rts.maps import MapSpec
 from repaint_cli.envs.starcraft.unread import LARGE_MAP, complaint

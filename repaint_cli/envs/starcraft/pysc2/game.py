@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from repaint_cli import activity
 from repaint_cli.envs.output import warn
-from repaint_cli.envs.starcraft.names import TERMS
 from repaint_cli.envs.starcraft.pysc2 import commands
 from repaint_cli.envs.starcraft.pysc2.census import Census, selected
 from repaint_cli.envs.starcraft.pysc2.checks import launch_errors, misunderstood
@@ -23,6 +22,7 @@ from repaint_cli.envs.starcraft.rts.constants import (
     SCREEN,
     SELECT_POINT,
     SELF,
+    TERMS,
 )
 from repaint_cli.envs.starcraft.rts.maps import MapSpec
 from repaint_cli.errors import GameError
