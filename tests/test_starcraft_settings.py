@@ -1,6 +1,7 @@
 """Settings of the mini-games: what they choose, and what is refused in a line."""
 
 import re
+from pathlib import Path
 
 import pytest
 
@@ -144,3 +145,12 @@ def test_a_map_in_ones_home_folder_is_found(home, monkeypatch):
         assert read_task(f"{card}.toml").env.map_file == str(home / "me" / "mine.SC2Map")
     task = read_task("here.toml").with_settings(["env.map_file=~/other.SC2Map"])
     assert task.env.map_file == str(home / "me" / "other.SC2Map")
+
+
+def test_the_cards_of_the_manual_can_be_read(home):
+    page = (Path(__file__).parents[1] / "docs" / "starcraft-real.md").read_text(encoding="utf-8")
+    cards = re.findall(r"```toml\n(.*?)```", page, re.DOTALL)
+    assert len(cards) == 2
+    for text in cards:
+        (home / "my-game.toml").write_text(text)
+        assert read_task("my-game.toml").env.engine == "pysc2"
