@@ -18,7 +18,6 @@ from small_pysc2 import (
 )
 
 from repaint_cli.envs.starcraft.build_order import BuildOrder
-from repaint_cli.envs.starcraft.names import TERMS
 from repaint_cli.envs.starcraft.pysc2 import encoding
 from repaint_cli.envs.starcraft.pysc2.engine import RealEngine
 from repaint_cli.envs.starcraft.rts.constants import (
@@ -27,6 +26,7 @@ from repaint_cli.envs.starcraft.rts.constants import (
     BUILD_DEPOT,
     SELECT_ARMY,
     SELECT_POINT,
+    TERMS,
     TRAIN_MARINE,
     TRAIN_SCV,
 )

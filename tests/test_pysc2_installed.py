@@ -3,8 +3,10 @@
 Where the game is started here, a shell script stands for it.
 """
 
+import re
 import threading
 from http.server import BaseHTTPRequestHandler, HTTPServer
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,10 +19,8 @@ from repaint_cli.errors import GameError
 
 BUILD = MAPS["build-marines"]
 
-ON_LINUX = (
-    "on Linux unpack version 4.10 (https://github.com/Blizzard/s2client-proto#linux-packages) "
-    "there, or name its folder in SC2PATH"
-)
+DOCS = Path(__file__).parents[1] / "docs"
+LINUX = "https://github.com/Blizzard/s2client-proto#linux-packages"
 
 
 @pytest.fixture
@@ -28,6 +28,14 @@ def folder(tmp_path, monkeypatch):
     """An empty place for the game, which SC2PATH names."""
     monkeypatch.setenv("SC2PATH", str(tmp_path / "StarCraftII"))
     return tmp_path / "StarCraftII"
+
+
+def on_linux(folder):
+    """How to get the game, whose archive holds a folder StarCraftII."""
+    return (
+        f"on Linux unpack version 4.10 ({LINUX}) in '{folder.parent}', or name its folder in "
+        "SC2PATH"
+    )
 
 
 def refusal(spec=BUILD, **settings):
@@ -39,6 +47,14 @@ def refusal(spec=BUILD, **settings):
     return str(refused.value)
 
 
+def test_the_manual_installs_as_the_errors_say():
+    page = (DOCS / "starcraft-real.md").read_text(encoding="utf-8")
+    assert page.count("pip install") == 1
+    assert shim.INSTALL.partition("pip install")[2] in page
+    example = re.search(r"error: no StarCraft II in '(.*?)'; .*", page)
+    assert example[0].endswith(checks.get_game(Path(example[1])))
+
+
 def test_pysc2_is_not_installed(monkeypatch):
     monkeypatch.setattr(shim, "find_spec", lambda name: None)
     assert refusal() == (
@@ -48,13 +64,13 @@ def test_pysc2_is_not_installed(monkeypatch):
 
 
 def test_the_game_is_not_installed(folder):
-    assert refusal() == f"no StarCraft II in '{folder}'; {ON_LINUX}"
+    assert refusal() == f"no StarCraft II in '{folder}'; {on_linux(folder)}"
 
 
 def test_no_version_is_installed(folder):
     (folder / "Versions").mkdir(parents=True)
     message = f"StarCraft II cannot be played: No SC2 Versions found in {folder}/Versions"
-    assert refusal() == f"{message}; {ON_LINUX}"
+    assert refusal() == f"{message}; {on_linux(folder)}"
 
 
 def test_the_version_is_not_installed(folder, monkeypatch):
@@ -68,7 +84,7 @@ def test_the_version_is_too_old(folder, monkeypatch):
     install(folder, monkeypatch, build=53644)
     assert refusal() == (
         "StarCraft II cannot be played: SC2 Binaries older than 3.16.1 don't support the api; "
-        f"{ON_LINUX}"
+        f"{on_linux(folder)}"
     )
 
 
@@ -110,7 +126,7 @@ def test_the_binary_is_not_there_or_is_none(folder, monkeypatch):
     assert refusal().startswith("StarCraft II cannot be started: Trying to run '")
     binary.unlink()
     assert refusal() == (
-        f"StarCraft II cannot be started: No SC2 binary found at: {binary}; {ON_LINUX}"
+        f"StarCraft II cannot be started: No SC2 binary found at: {binary}; {on_linux(folder)}"
     )
 
 
@@ -137,7 +153,9 @@ def test_the_game_ends_as_it_starts(folder, monkeypatch, capfd, prints, last_wor
 def test_what_stands_for_the_binary_is_no_program(folder, monkeypatch):
     binary = install(folder, monkeypatch)
     binary.write_text("this is text")
-    assert refusal() == (f"StarCraft II cannot be started: Exec format error: {binary}; {ON_LINUX}")
+    assert refusal() == (
+        f"StarCraft II cannot be started: Exec format error: {binary}; {on_linux(folder)}"
+    )
 
 
 class _Elsewhere(BaseHTTPRequestHandler):

@@ -63,14 +63,29 @@ def test_a_game_that_is_killed_cuts_its_episode_off_and_the_next_one_has_a_new_g
     assert ended(engine) == (True, False, False)
 
 
-def test_an_answer_that_is_none_is_a_lost_game_too(play, said):
-    from pysc2.lib import protocol
+def failures():
+    """What PySC2 and its connection raise of a game that goes wrong in an episode."""
+    import websocket
+    from pysc2.lib import protocol, remote_controller
 
-    play(frame(0), protocol.ProtocolError("Got an empty response from SC2."))
+    return [
+        protocol.ProtocolError("it says so"), remote_controller.RequestError("it says so", None),
+        websocket.WebSocketProtocolException("it says so"), RuntimeError("it says so"),
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("error", failures(), ids=lambda error: type(error).__name__)
+def test_an_answer_that_is_none_is_a_lost_game_too(play, said, error):
+    games = play(frame(0), error)
     engine = RealEngine(BUILD, 1)
     engine.reset(np.array([0]))
     assert ended(engine) == (False, False, True)
-    assert "(Got an empty response from SC2.)" in said[0]
+    assert "(it says so)" in said[0]
+    games.script = (frame(0), error, frame(0))
+    engine.reset(np.array([1]))
+    engine.reset(np.array([2]))  # the game fails between two episodes, too
+    assert "between two episodes (it says so)" in said[1]
+    assert len(games.made) == 3
 
 
 def test_a_game_that_is_lost_between_episodes_is_started_anew(play, said):
@@ -94,7 +109,8 @@ def test_three_losses_in_a_row_are_an_error(play, said):
     engine.reset(np.array([2]))
     message = (
         r"^StarCraft II was lost 3 times in a row, last in game 1 at step 1 \(Connection already "
-        r"closed. SC2 probably crashed.\); is there memory for as many games \(ppo.n_envs\)\?$"
+        r"closed. SC2 probably crashed.\); is there memory for as many games \(ppo.n_episodes, "
+        r"eval.episodes\)\?$"
     )
     with pytest.raises(GameError, match=message):
         engine.step(CLICK)

@@ -19,7 +19,7 @@ MINES = replace(BUILD_MARINES, scv_after_build="mine")
 
 @lru_cache
 def played(scvs, barracks, spec=MINES):
-    return timelines(MiniRTS(spec, 1), scvs, barracks)
+    return timelines(MiniRTS(spec, 1), scvs, barracks, width=spec.camera.width)
 
 
 def first(events, what):
@@ -40,11 +40,14 @@ def test_it_makes_as_many_marines_as_bots_of_the_same_size_do_in_the_game(
     assert max(event.number for event in events if event.what == "barracks") == barracks
 
 
-def test_the_manual_says_how_many_marines_it_makes():
+def test_the_manuals_say_how_many_marines_it_makes():
     page = " ".join((DOCS / "starcraft-real.md").read_text(encoding="utf-8").split())
     waits, mines = played(20, 7, BUILD_MARINES)[-1].number, played(20, 7)[-1].number
     assert f"it ends with {waits} marines; where they go back to mine" in page
     assert f'(`env.scv_after_build = "mine"`), with {mines}.' in page
+    page = " ".join((DOCS / "starcraft.md").read_text(encoding="utf-8").split())
+    assert f"with 20 SCVs and 7 barracks builds {mines} marines here" in page
+    assert f"(`env.scv_after_build=mine`), and {waits} where they wait" in page
 
 
 def test_things_come_one_after_the_other_as_long_as_they_take():
@@ -89,4 +92,4 @@ def test_the_timeline_of_an_engine_that_builds_nothing_is_its_end():
             ended = np.array([self.steps == 5])
             return np.zeros((1, 8), np.float32), np.array([False]), ended
 
-    assert timelines(Idle()) == [Event(40, "end", 0)]
+    assert timelines(Idle(), width=24) == [Event(40, "end", 0)]

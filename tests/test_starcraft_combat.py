@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from starcraft_bots import SWEEP_PATH, WAIT, Sweep, play
+from starcraft_reference_fights import FightingGame
 
 from repaint_cli.envs.starcraft.rts.constants import ATTACK_POINT, SELECT_ARMY
 from repaint_cli.envs.starcraft.rts.engine import MiniRTS
@@ -117,6 +118,22 @@ def test_a_zergling_gives_up_who_is_out_of_its_reach_in_the_base_and_goes_home()
     assert s.marine_hp[0, 0] == 45
 
 
+def test_a_blow_at_a_marine_that_died_does_not_hit_the_one_that_is_born_in_its_place():
+    rts = with_marines(1, 0)
+    s = rts.state
+    s.barracks_x[0, 0], s.barracks_y[0, 0], s.barracks_done[0, 0] = 40, 30, 1
+    s.barracks_queue[0, 0], s.barracks_head[0, 0] = 1, 4
+    s.zergling_hp[0, 1:] = 0
+    s.zergling_target[0, 0], s.zergling_swing[0, 0] = 0, 10  # far away, at who was the first
+    game = FightingGame(s.arrays[0], rts.world[0])
+    for _ in range(3):
+        rts.step(np.array([WAIT]))
+        game.step(*WAIT)
+    assert s.marines_built[0] == 1
+    assert s.marine_hp[0, 0] == game.marine_hp[0] == 45
+    assert s.zergling_target[0, 0] == game.zergling_target[0] == -1
+
+
 def apart(xs, ys):
     ways = np.hypot(xs[:, :, None] - xs[:, None], ys[:, :, None] - ys[:, None])
     return (ways + 100 * np.eye(xs.shape[1])).min()
@@ -130,8 +147,11 @@ def test_forty_zerglings_appear_hidden_apart_and_outside_the_base():
     cells = s.zergling_y.astype(int), s.zergling_x.astype(int)
     assert not s.visibility[np.arange(200)[:, None], *cells].any()
     assert not inside_base(s.zergling_x, s.zergling_y, BASE_MARGIN).any()
-    assert apart(s.zergling_x, s.zergling_y) >= (5.0 if not s.placed_closer.any() else 3.0)
-    assert s.placed_closer.mean() < 0.5
+    closer = s.placed_closer > 0
+    for game in range(200):
+        ways = apart(s.zergling_x[game : game + 1], s.zergling_y[game : game + 1])
+        assert 3.0 <= ways < 5.0 if closer[game] else ways >= 5.0
+    assert closer.mean() < 0.5
 
 
 def test_zerglings_are_spread_over_the_map():

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from starcraft_bots import WAIT, BuildOrder, pixel, play
+from starcraft_bots import WAIT, BuildingBot, pixel, play
 
 from repaint_cli.envs.starcraft.rts.constants import SELECT_POINT, TRAIN_SCV
 from repaint_cli.envs.starcraft.rts.engine import MiniRTS
@@ -101,7 +101,7 @@ def test_a_queue_of_five_scvs_is_done_every_272_loops():
 
 def scripted(scvs, barracks, seeds):
     rts = begun(len(seeds), seeds, scv_after_build="mine")
-    return rts, play(rts, [BuildOrder(rts, row, scvs, barracks) for row in range(len(seeds))])
+    return rts, play(rts, [BuildingBot(rts, row, scvs, barracks) for row in range(len(seeds))])
 
 
 def test_twenty_scvs_and_seven_barracks_build_what_they_build_in_the_game():

@@ -4,7 +4,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from starcraft_bots import BuildOrder
+from starcraft_bots import BuildingBot
 
 from repaint_cli.envs.episodes import Episodes
 from repaint_cli.envs.starcraft import board, film, map_view, shapes
@@ -13,7 +13,7 @@ from repaint_cli.envs.starcraft.rts import constants as game
 from repaint_cli.envs.starcraft.rts import state as states
 from repaint_cli.envs.starcraft.rts.engine import MiniRTS
 from repaint_cli.envs.starcraft.simulator import StarCraftSimulator
-from repaint_cli.envs.starcraft.timeline import ROWS, Timelines
+from repaint_cli.envs.starcraft.timeline import Timelines
 
 MINUTES = 0.1
 STEPS = 12
@@ -62,7 +62,7 @@ def test_a_film_plays_the_episode_again():
     env = simulator().model_copy(update={"minutes": 0.3})
     rts = MiniRTS(env.spec, 1)
     rts.reset(np.array([5]))
-    player, actions = BuildOrder(rts, 0, 20, 7), []
+    player, actions = BuildingBot(rts, 0, 20, 7), []
     for _ in range(36):
         actions.append(player.action())
         rts.step(np.array([actions[-1]]))
@@ -157,4 +157,3 @@ def test_timelines_are_drawn_side_by_side(tmp_path):
 
 def test_every_record_that_is_drawn_is_recorded():
     assert set(Timelines.records) <= set(RECORDS)
-    assert {row.record for row in ROWS} <= set(Timelines.records)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import starcraft_reference_layers as reference
 from PIL import Image
-from starcraft_bots import BuildOrder, pixel
+from starcraft_bots import BuildingBot, pixel
 from starcraft_reference_fights import FightingGame
 from test_starcraft_combat import random_actions, with_marines
 
@@ -30,7 +30,7 @@ def built(spec, steps):
     """A base after some steps of a build order."""
     rts = MiniRTS(replace(spec, scv_after_build="mine"), 1)
     rts.reset(np.zeros(1, int))
-    player = BuildOrder(rts, 0, 20, 7)
+    player = BuildingBot(rts, 0, 20, 7)
     for _ in range(steps):
         rts.step(np.array([player.action()]))
     return rts

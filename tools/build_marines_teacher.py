@@ -65,10 +65,11 @@ def play(
     script = BuildOrder(engine.observe(), width=task.env.spec.camera.width)
     over = False
     while not over:
-        skipped, wanted = script.passed_over(), script.act(engine.observe())
-        action = wanted
+        network_acts = rng.random() >= share
+        skipped = script.passed_over() if network_acts else script
+        action = wanted = script.act(engine.observe())
         seen = {name: array[0].copy() for name, array in obs.items()}
-        if rng.random() >= share:
+        if network_acts:
             batch = {name: torch.from_numpy(array)[None] for name, array in obs.items()}
             with torch.no_grad():
                 policy = student.policy(batch)

@@ -188,8 +188,10 @@ class Simulator(Settings, ABC):
 
     # How episodes went
 
-    score_episodes: ClassVar[int] = 100
-    """Episodes in a teacher's score."""
+    @property
+    def score_episodes(self) -> int:
+        """Episodes in a teacher's score."""
+        return 100
 
     def columns(self, episodes: "Episodes", s: int) -> "list[Column]":
         """Return the columns of a table of the episodes of seed s, beside their return."""

@@ -168,7 +168,7 @@ class BuildOrder:
             for site in self._halls
             if site.busy_until > self._step
         )
-        ordered = has["food_used"] - has["army_count"] - marines
+        ordered = has["food_used"] - has["army"] - marines
         return ordered < self._scvs and self._centre.busy_until <= self._step + 2
 
     def _wants_barracks(self, has: dict[str, int]) -> bool:

@@ -28,16 +28,19 @@ class Event(NamedTuple):
     what: str
     """"supply depot", "barracks", "marine", or "end", of the episode."""
     number: int
-    """The how manieth it is; at the end, how many marines were built."""
+    """Which of its kind it is, from 1; at the end, how many marines were built."""
 
 
-def timelines(engine: Engine, scvs: int = 20, barracks: int = 7, seed: int = 0) -> list[Event]:
+def timelines(
+    engine: Engine, scvs: int = 20, barracks: int = 7, *, width: float, seed: int = 0
+) -> list[Event]:
     """Play the build order for an episode; return when each building and every tenth marine came.
 
     Args:
         engine: of one game of `build-marines`.
         scvs: how many to have.
         barracks: how many to have.
+        width: of what the engine's screen shows, units.
         seed: of the episode.
 
     Raises:
@@ -45,7 +48,7 @@ def timelines(engine: Engine, scvs: int = 20, barracks: int = 7, seed: int = 0) 
     """
     engine.reset(np.array([seed], np.int64))
     seen = engine.observe()
-    order = BuildOrder(seen, scvs, barracks)
+    order = BuildOrder(seen, scvs, barracks, width)
     counted = {"supply depot": 0, "barracks": 0, "marine": 0}
     first_cap = int(seen.measurements[0, FOOD_CAP])
     events, loop, over = list[Event](), 0, False

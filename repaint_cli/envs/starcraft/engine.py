@@ -1,6 +1,6 @@
 """What plays the mini-games: the interface that our simulator and the game itself have in common.
 
-**N** games · **K** of them · **F** reward terms, `names.TERMS`.
+**N** games · **K** of them · **F** reward terms, `constants.TERMS`.
 """
 
 from collections.abc import Mapping
@@ -29,7 +29,7 @@ class Engine(Protocol):
     def step(
         self, actions: NDArray[np.int16], playing: Flags | None = None, /
     ) -> tuple[NDArray[np.float32], Flags, Flags]:
-        """Give every game a command and let it go on for `names.LOOPS_PER_STEP`.
+        """Give every game a command and let it go on for `constants.LOOPS_PER_STEP`.
 
         Args:
             actions: command, column and row of a pixel, (N, 3).

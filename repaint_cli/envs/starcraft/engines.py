@@ -15,6 +15,9 @@ if TYPE_CHECKING:
 ENGINES = ("mini", "pysc2")
 """What may play, by the setting `engine`."""
 
+OF_BOTH = {"camera": "map", "game_process": "each"}
+"""What engines are compared with: the game's camera, which nobody can move, and all its time."""
+
 
 def engine_of(settings: "StarCraftSimulator", n: int) -> "Engine":
     """Return an engine of N games of a card's map.
@@ -48,24 +51,30 @@ def side_by_side(settings: "StarCraftSimulator", engine: str) -> list[str]:
         raise CardError(f"expected the map build-marines for a build order, found {settings.map}")
     columns = {}
     for name in dict.fromkeys((engine, "mini")):  # what may be absent comes first
-        own = {"engine": name, "camera": "map"}  # the game's, which nobody can move
-        players = engine_of(settings.model_copy(update=own), 1)
+        own = {"engine": name} | OF_BOTH
+        alike = settings.model_copy(update=own)
+        players = engine_of(alike, 1)
         try:
-            columns[name] = {event[1:]: event for event in timelines(players)}
+            events = timelines(players, width=alike.spec.camera.width)
+            columns[name] = {event[1:]: event for event in events}
         finally:
             players.close()
     return table_of(columns)
 
 
 def table_of(columns: dict[str, dict[tuple[str, int], Event]]) -> list[str]:
-    """Return a line for everything that came, with the time in each engine; "-": it never came."""
-    ends = {name: events.popitem()[1] for name, events in columns.items()}
-    keys = dict.fromkeys(key for events in columns.values() for key in events)
+    """Return a line for everything that came, with the time in each engine; "-": it never came.
+
+    Args:
+        columns: what came in each engine, and last the end, by what it is and which of its kind.
+    """
+    ends = [list(events.values())[-1] for events in columns.values()]
+    keys = dict.fromkeys(key for events in columns.values() for key in list(events)[:-1])
     first = {key: min(c[key].loop for c in columns.values() if key in c) for key in keys}
     lines = ["".join(f"{text:>16}" for text in ("", *(f"{name}, s" for name in columns)))]
     for what, number in sorted(keys, key=lambda key: first[key]):
         found = [events.get((what, number)) for events in columns.values()]
         times = [f"{event.loop / LOOPS_PER_SECOND:.1f}" if event else "-" for event in found]
         lines.append("".join(f"{text:>16}" for text in (f"{what} {number}", *times)))
-    last = ["marines", *(str(event.number) for event in ends.values())]
+    last = ["marines", *(str(event.number) for event in ends)]
     return [*lines, "".join(f"{text:>16}" for text in last)]

@@ -17,9 +17,9 @@ from repaint_cli.envs.compound_space import CompoundSpace
 from repaint_cli.envs.starcraft.arguments import checked_actions, seeds_of
 from repaint_cli.envs.starcraft.engine import Engine
 from repaint_cli.envs.starcraft.layers import MINIMAP_LAYERS, SCREEN_LAYERS, Spread
-from repaint_cli.envs.starcraft.names import MEASUREMENTS, TERMS, WITH_A_POINT
+from repaint_cli.envs.starcraft.names import WITH_A_POINT
 from repaint_cli.envs.starcraft.reports import Reports, scaled
-from repaint_cli.envs.starcraft.rts.constants import COMMANDS, SCREEN
+from repaint_cli.envs.starcraft.rts.constants import COMMANDS, MEASUREMENTS, SCREEN, TERMS
 
 Flags = NDArray[np.bool_]
 Floats = NDArray[np.float64]
@@ -69,7 +69,7 @@ class StarCraftVectorEnv(VectorEnv[Any, NDArray[np.int64], Any]):
     **End** of the map's time, which truncates; in `find-and-defeat-zerglings` also with the last
     marine, which terminates.
 
-    **Infos** arrays (N,) float64, the same keys at every step: the reward terms `names.TERMS`,
+    **Infos** arrays (N,) float64, the same keys at every step: the reward terms `constants.TERMS`,
     counts of this step, and the records `names.RECORDS`.
 
     **Autoreset** NEXT_STEP starts a new episode in the step after the last, ignoring that action.

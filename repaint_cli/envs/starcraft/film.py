@@ -13,8 +13,7 @@ from PIL import Image, ImageDraw
 from repaint_cli.envs.episodes import Episodes
 from repaint_cli.envs.starcraft import board, map_view
 from repaint_cli.envs.starcraft.layers import MINIMAP_LAYERS, SCREEN_LAYERS, Spread
-from repaint_cli.envs.starcraft.names import MEASUREMENTS
-from repaint_cli.envs.starcraft.rts.constants import COMMANDS, LOOPS_PER_SECOND
+from repaint_cli.envs.starcraft.rts.constants import COMMANDS, LOOPS_PER_SECOND, MEASUREMENTS
 from repaint_cli.envs.starcraft.rts.engine import MiniRTS
 from repaint_cli.envs.starcraft.simulator import StarCraftSimulator
 from repaint_cli.report import style

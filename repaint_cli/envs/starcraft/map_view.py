@@ -52,7 +52,7 @@ class MapView:
         pen = ImageDraw.Draw(picture)
         self._draw_base(pen, row)
         self._draw_units(pen, row)
-        pen.rectangle(self._area(screen_of(self._spec)), None, shapes.SCREEN, FINE)
+        pen.rectangle(self._area(screen_of(self._spec)), None, shapes.FRAME, FINE)
         self._draw_command(pen, row)
         return picture.reduce(FINE)
 

@@ -6,8 +6,13 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from repaint_cli.envs.starcraft.names import MEASUREMENTS, SUMS, TERMS
-from repaint_cli.envs.starcraft.rts.constants import LOOPS_PER_SECOND, LOOPS_PER_STEP
+from repaint_cli.envs.starcraft.names import SUMS
+from repaint_cli.envs.starcraft.rts.constants import (
+    LOOPS_PER_SECOND,
+    LOOPS_PER_STEP,
+    MEASUREMENTS,
+    TERMS,
+)
 
 Floats = NDArray[np.float64]
 
@@ -44,7 +49,7 @@ class Reports:
 
         Args:
             terms: what was counted in it, (N, F).
-            measurements: what is so now, (N, 5), see `names.MEASUREMENTS`.
+            measurements: what is so now, (N, 5), see `constants.MEASUREMENTS`.
             mined: minerals that were mined since the episode began, (N,).
         """
         self._sums += terms

@@ -9,13 +9,13 @@ Point = tuple[float, float]
 
 MINERALS, STRUCTURE, CLICK, REFUSED = METHOD_COLOURS["repaint-joint"], "#c9c4b8", INK, "#7A5195"
 SCV, MARINE, ZERGLING = METHOD_COLOURS["warm-start"], METHOD_COLOURS["repaint"], "#D55E00"
-SCREEN = "#9a9a9a"
+FRAME = "#9a9a9a"
 """Colours of Okabe and Ito's palette; shapes tell units apart, too."""
 
 LEGEND = (
     ("minerals", "box", MINERALS), ("SCV", "square", SCV), ("marine", "disc", MARINE),
     ("zergling", "triangle", ZERGLING), ("unseen", "outline", ZERGLING),
-    ("command's point", "cross", CLICK), ("refused", "x", REFUSED), ("screen", "frame", SCREEN),
+    ("command's point", "cross", CLICK), ("refused", "x", REFUSED), ("screen", "frame", FRAME),
 )  # fmt: skip
 """What is drawn: its name, its shape and its colour."""
 

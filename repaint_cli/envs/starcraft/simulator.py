@@ -1,15 +1,24 @@
 """StarCraft II's mini-games with their settings, behind the interface of simulators."""
 
-from dataclasses import replace
+from os.path import expanduser
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
 from pydantic import Field, field_validator, model_validator
 
 from repaint_cli.envs.simulator import Simulator
-from repaint_cli.envs.starcraft.names import RECORDS, TERMS
-from repaint_cli.envs.starcraft.rts.constants import COMMANDS, MAX_SCVS, MAX_ZERGLINGS
-from repaint_cli.envs.starcraft.rts.maps import BUILD_MARINES_FDZ, MAPS, Camera, MapSpec, Rectangle
+from repaint_cli.envs.starcraft.chosen_map import chosen_map, own_camera
+from repaint_cli.envs.starcraft.names import RECORDS
+from repaint_cli.envs.starcraft.pysc2.maps import longest
+from repaint_cli.envs.starcraft.rts.constants import (
+    COMMANDS,
+    LOOPS_PER_STEP,
+    MAX_SCVS,
+    MAX_ZERGLINGS,
+    TERMS,
+)
+from repaint_cli.envs.starcraft.rts.maps import MapSpec
+from repaint_cli.envs.starcraft.unread import LARGE_MAP, complaint
 from repaint_cli.errors import RenderError
 from repaint_cli.settings import EvalConfig
 
@@ -18,10 +27,8 @@ if TYPE_CHECKING:
     from repaint_cli.envs.simulator import Environments
     from repaint_cli.envs.starcraft.timeline import Timelines
 
-LARGE_MAP = "build-marines-fdz"
-"""The map whose size a card may choose."""
-MIDDLE, MARGIN = 32.0, 1.0
-"""Of that map; and how much further its camera sees on each side, units."""
+FEW_GAMES = 2
+"""Episodes of the game itself that a score is of: each is a process of 1 to 2 GB."""
 
 
 class StarCraftSimulator(Simulator):
@@ -42,8 +49,8 @@ class StarCraftSimulator(Simulator):
     """Side of the playable square of build-marines-fdz, units; absent: 60. The paper says only that
     this map is the larger one."""
     camera: Literal["map", "large"] = "map"
-    """What the screen shows: all of this map that can be played on, or what it shows of
-    build-marines-fdz, where the base is then at the same pixels."""
+    """What the screen shows: all of this map that can be played on, or the 62 units that it shows
+    of a whole build-marines-fdz, so that the base is at the same pixels on both maps."""
     layers: Literal["terran", "coach-prefix"] = "terran"
     """Which of PySC2's layers the pictures have: those that are not empty in these games, or the
     first nine and the first three. The paper does not name them."""
@@ -65,48 +72,40 @@ class StarCraftSimulator(Simulator):
     """A map of your own for the game itself (`my-map.SC2Map`), which knows no build-marines-fdz."""
     game_version: str | None = None
     """Which version of the game itself plays, such as "4.10"; absent: the newest installed."""
-    game_process: Literal["one", "each"] = "one"
-    """Whether one process of the game itself plays all episodes, of at most 14 minutes then, or
-    each episode has a new one, which takes its seed."""
+    game_process: Literal["one", "each"] = "each"
+    """Whether each episode of the game itself has a new process, which takes its seed, or one
+    process plays all episodes of an environment, of at most 14 minutes then."""
 
     @field_validator("map_file")
     @classmethod
     def _from_any_folder(cls, name: str | None) -> str | None:
         """Keep the file's whole path: a run or a teacher is used in other folders too."""
-        return None if name is None else str(Path(name).absolute())
+        return None if name is None else str(Path(expanduser(name)).absolute())
+
+    @field_validator("game_version", mode="before")
+    @classmethod
+    def _in_quotation_marks(cls, version: Any) -> Any:
+        """Refuse a number: 4.10 would be 4.1."""
+        if isinstance(version, int | float):
+            raise ValueError("expected quotation marks, as in --set 'env.game_version=\"4.10\"'")
+        return version
 
     @model_validator(mode="after")
     def _of_its_map(self) -> Self:
-        """Refuse settings that this map does not have."""
-        if self.zerglings is not None and not MAPS[self.map].zerglings:
-            raise ValueError(f"expected no env.zerglings, as there are none on the map {self.map}")
-        if self.map_size is not None and self.map != LARGE_MAP:
-            raise ValueError(f"expected no env.map_size, as the map {self.map} has its own")
-        if self.map_file is not None and self.engine == "mini":
-            raise ValueError("expected no env.map_file, which only env.engine pysc2 can read")
+        """Refuse settings that this map or this engine does not have."""
+        if problem := complaint(self):
+            raise ValueError(problem)
+        if self.engine == "pysc2" and self.spec.camera != own_camera(self) and not self.map_file:
+            raise ValueError(
+                f"the game's own camera on {self.map} cannot be moved; set env.camera=map, or name "
+                "a map with another camera in env.map_file"
+            )
         return self
 
     @property
     def spec(self) -> MapSpec:
         """The map and its rules."""
-        own = MAPS[self.map]
-        if self.map_size is not None:
-            low, high = MIDDLE - self.map_size / 2, MIDDLE + self.map_size / 2
-            camera = Camera(MIDDLE, MIDDLE, self.map_size + 2 * MARGIN)
-            own = replace(own, region=Rectangle(low, low, high, high), camera=camera)
-        if self.camera == "large" and self.map != LARGE_MAP:
-            own = replace(own, camera=BUILD_MARINES_FDZ.camera)
-        return replace(
-            own,
-            minutes=own.minutes if self.minutes is None else self.minutes,
-            zerglings=own.zerglings if self.zerglings is None else self.zerglings,
-            respawn=self.respawn,
-            minerals=self.minerals,
-            start_scvs=self.scvs,
-            scv_after_build=self.scv_after_build,
-            award_on=self.award_on,
-            illegal_site_is_unavailable=self.illegal_site == "unavailable",
-        )
+        return chosen_map(self)
 
     # Environments
 
@@ -123,8 +122,9 @@ class StarCraftSimulator(Simulator):
         )  # fmt: skip
 
     def longest_episode(self) -> int:
-        """Return the time limit, in steps."""
-        return self.spec.steps
+        """Return the time limit, in steps; that of the game itself may be less than its map's."""
+        one_process = self.engine == "pysc2" and self.game_process == "one"
+        return -(-longest(self.spec, one_process) // LOOPS_PER_STEP)
 
     def settled(self) -> Self:
         """Return the settings with the values that follow from the map; see `Simulator.settled`."""
@@ -134,7 +134,10 @@ class StarCraftSimulator(Simulator):
             if self.map == LARGE_MAP
             else {}
         )
-        found = {"minutes": spec.minutes, "zerglings": spec.zerglings or None}
+        camera = "map" if spec.camera == own_camera(self) else self.camera
+        found = {
+            "minutes": spec.minutes, "zerglings": spec.zerglings or None, "camera": camera,
+        }  # fmt: skip
         return self.model_copy(update=found | sizes)
 
     @property
@@ -165,7 +168,7 @@ class StarCraftSimulator(Simulator):
     def resolve_files(cls, env: dict[str, Any], folder: Path) -> dict[str, Any]:
         """Return [env] with the map beside the card; see `Simulator.resolve_files`."""
         name = env.get("map_file")
-        return env | {"map_file": str(folder / name)} if isinstance(name, str) else env
+        return env | {"map_file": str(folder / expanduser(name))} if isinstance(name, str) else env
 
     def files(self) -> dict[str, Path]:
         """Return the map's file, if it is the user's."""
@@ -179,7 +182,10 @@ class StarCraftSimulator(Simulator):
 
     # How episodes went
 
-    score_episodes: ClassVar[int] = 20
+    @property
+    def score_episodes(self) -> int:
+        """Of our simulator, or of the game itself, whose games all play at once."""
+        return 20 if self.engine == "mini" else FEW_GAMES
 
     def columns(self, episodes: "Episodes", s: int) -> "list[Column]":
         """Return what was built and killed; see `Simulator.columns`."""

@@ -4,6 +4,7 @@ PySC2 answers such questions with tracebacks. Everything here is one line that s
 where.
 """
 
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -18,7 +19,12 @@ from repaint_cli.errors import GameError, some
 LINUX = "https://github.com/Blizzard/s2client-proto#linux-packages"
 """Where the game for Linux is, and its licence."""
 
-GET_GAME = f"on Linux unpack version 4.10 ({LINUX}) there, or name its folder in SC2PATH"
+
+def get_game(folder: Path | None = None) -> str:
+    """Say how to get the game, whose archive holds its folder; None is where PySC2 looks."""
+    folder = folder or Path(os.environ.get("SC2PATH", "~/StarCraftII")).expanduser()
+    where = f"({LINUX}) in '{folder.parent}'"
+    return f"on Linux unpack version 4.10 {where}, or name its folder in SC2PATH"
 
 
 def installed_game(version: str | None = None) -> Any:
@@ -38,13 +44,13 @@ def installed_game(version: str | None = None) -> Any:
         game = run_configs.get(version=version)
     except OSError as error:
         folder = Path(error.filename or "~/StarCraftII/Versions").parent
-        raise GameError(f"no StarCraft II in '{folder}'; {GET_GAME}") from error
+        raise GameError(f"no StarCraft II in '{folder}'; {get_game(folder)}") from error
     except ValueError as error:
         raise GameError(
             f"expected an installed version of StarCraft II, found {version!r}; {_versions(error)}"
         ) from error
     except sc_process.SC2LaunchError as error:
-        raise GameError(f"StarCraft II cannot be played: {_line(error)}; {GET_GAME}") from error
+        raise GameError(f"StarCraft II cannot be played: {_line(error)}; {get_game()}") from error
     _check_version(game)
     return game
 
@@ -127,7 +133,7 @@ def launch_errors(game: Any) -> Iterator[None]:
     except (ValueError, LookupError) as error:
         raise GameError(misunderstood(error)) from error
     except (sc_process.SC2LaunchError, RuntimeError, OSError) as error:
-        raise GameError(f"StarCraft II cannot be started: {_line(error)}; {GET_GAME}") from error
+        raise GameError(f"StarCraft II cannot be started: {_line(error)}; {get_game()}") from error
 
 
 def misunderstood(error: Exception) -> str:

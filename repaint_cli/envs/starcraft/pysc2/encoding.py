@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from repaint_cli.envs.starcraft.rts.constants import MEASUREMENTS, SCREEN, UNIT_TYPES
+from repaint_cli.envs.starcraft.rts.constants import SCREEN, UNIT_TYPES
 from repaint_cli.envs.starcraft.rts.maps import Rectangle
 
 Bytes = NDArray[np.uint8]
@@ -19,6 +19,10 @@ MOST_DENSITY = 15
 
 VISIBILITY = np.array([0, 1, 2, 0], np.uint8)
 """Hidden, seen before, visible; the game's fourth value is hidden too."""
+
+
+PLAYER = ("minerals", "food_used", "food_cap", "food_workers", "army_count")
+"""What PySC2 calls the measurements."""
 
 
 def screen(observation: Any, playable: NDArray[np.bool_]) -> Bytes:
@@ -59,7 +63,7 @@ def minimap(observation: Any) -> Bytes:
 def measurements(observation: Any) -> NDArray[np.int32]:
     """Return minerals, supply and units, (5,)."""
     player = observation["player"]
-    return np.array([getattr(player, name) for name in MEASUREMENTS], np.int32)
+    return np.array([getattr(player, name) for name in PLAYER], np.int32)
 
 
 def playable_pixels(region: Rectangle, camera: Any, width: float) -> NDArray[np.bool_]:

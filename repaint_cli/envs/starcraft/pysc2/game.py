@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from repaint_cli import activity
 from repaint_cli.envs.output import warn
-from repaint_cli.envs.starcraft.names import TERMS
 from repaint_cli.envs.starcraft.pysc2 import commands
 from repaint_cli.envs.starcraft.pysc2.census import Census, selected
 from repaint_cli.envs.starcraft.pysc2.checks import launch_errors, misunderstood
@@ -23,6 +22,7 @@ from repaint_cli.envs.starcraft.rts.constants import (
     SCREEN,
     SELECT_POINT,
     SELF,
+    TERMS,
 )
 from repaint_cli.envs.starcraft.rts.maps import MapSpec
 from repaint_cli.errors import GameError
@@ -205,7 +205,7 @@ class Game:
         if self._losses >= MOST_LOSSES:
             raise GameError(
                 f"StarCraft II was lost {self._losses} times in a row, last in {self._name} {when} "
-                f"({why}); is there memory for as many games (ppo.n_envs)?"
+                f"({why}); is there memory for as many games (ppo.n_episodes, eval.episodes)?"
             ) from error
         warn(
             f"StarCraft II was lost in {self._name} {when} ({why}); the episode is cut off there, "
@@ -214,10 +214,14 @@ class Game:
 
 
 def _losses() -> tuple[type[Exception], ...]:
-    """Return what PySC2 raises where the process or the connection to it is gone."""
-    from pysc2.lib import protocol
+    """Return what PySC2 raises where the process is gone; of an empty observation RuntimeError."""
+    import websocket
+    from pysc2.lib import protocol, remote_controller
 
-    return protocol.ConnectionError, protocol.ProtocolError
+    return (
+        protocol.ConnectionError, protocol.ProtocolError, remote_controller.RequestError,
+        websocket.WebSocketException, RuntimeError,
+    )  # fmt: skip
 
 
 def _array(terms: dict[str, Any]) -> NDArray[np.float32]:

@@ -133,19 +133,20 @@ BUILD_DEPOT, BUILD_BARRACKS, TRAIN_SCV, TRAIN_MARINE, SELECT_POINT, ATTACK_POINT
 """The first number of an action; the two others, x and y, are pixels of the screen."""
 
 TERMS = (
-    "unavailable", "marine_died", "select_miss", "select_hit",
-    "scv_trained", "barracks_built", "marine_built", "zergling_killed",
+    "unavailable", "marines_died", "select_miss", "select_hit",
+    "scvs_trained", "barracks_built", "marines_built", "zerglings_killed",
 )  # fmt: skip
 UNAVAILABLE, MARINE_DIED, SELECT_MISS, SELECT_HIT = range(4)
 SCV_TRAINED, BARRACKS_BUILT, MARINE_BUILT, ZERGLING_KILLED = range(4, 8)
-"""Reward terms φ: how often it happened in a step."""
+"""Reward terms φ in order, which cards weigh by name: how often it happened in a step."""
 
 SCREEN_LAYERS = (
     "height_map", "visibility_map", "player_relative", "unit_type", "selected",
     "unit_hit_points", "unit_hit_points_ratio", "unit_density", "unit_density_aa",
 )  # fmt: skip
 MINIMAP_LAYERS = ("visibility_map", "player_relative", "selected")
-MEASUREMENTS = ("minerals", "food_used", "food_cap", "food_workers", "army_count")
+MEASUREMENTS = ("minerals", "food_used", "food_cap", "scvs", "army")
+"""The numbers beside the layers: minerals, food used, food there is, SCVs, marines."""
 
 EDGE = 1e-9
 """What is on the edge of a disc or a box is in it, however its numbers are rounded, units."""

@@ -22,6 +22,9 @@ from repaint_cli.envs.starcraft.rts.world import world_of
 
 Rows = NDArray[np.int64]
 
+MEASURED = ("minerals", "food_used", "food_cap", "food_workers", "army_count")
+"""The fields of a game that are `MEASUREMENTS`."""
+
 
 class Observation(NamedTuple):
     """What an agent sees of K games."""
@@ -143,7 +146,7 @@ class MiniRTS:
 
     def stats(self) -> dict[str, NDArray[np.int32]]:
         """Return what happened in each game so far, by name, each (N,) in new arrays."""
-        names = (*STATS, "loop", *MEASUREMENTS)
+        names = (*STATS, "loop", *MEASURED)
         return {name: getattr(self.state, name).astype(np.int32) for name in names}
 
     def snapshot(self, rows: Rows | None = None) -> NDArray[np.void]:

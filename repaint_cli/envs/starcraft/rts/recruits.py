@@ -10,6 +10,7 @@ from repaint_cli.envs.starcraft.rts.constants import (
     MARINE,
     MARINE_BUILT,
     MAX_MARINES,
+    MAX_ZERGLINGS,
 )
 from repaint_cli.envs.starcraft.rts.geometry import Game, World, inside
 from repaint_cli.kernels import kernel
@@ -41,13 +42,16 @@ def is_crowded(game: Game, x: float, y: float) -> bool:
 
 @kernel
 def put_marine(game: Game, x: float, y: float) -> None:
-    """Put a fresh marine in a place."""
+    """Put a fresh marine in a place; who was after the dead one that it follows is not after it."""
     for m in range(MAX_MARINES):
         if game.marine_hp[m] <= 0.0:
             game.marine_x[m], game.marine_y[m] = x, y
             game.marine_hp[m], game.marine_cooldown[m] = MARINE.hit_points, 0.0
             game.marine_order[m], game.marine_target[m], game.marine_selected[m] = 0, -1, 0
             game.army_count += 1
+            for z in range(MAX_ZERGLINGS):
+                if game.zergling_target[z] == m:
+                    game.zergling_target[z] = -1
             return
 
 
