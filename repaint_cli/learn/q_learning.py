@@ -98,14 +98,9 @@ def check_actions(card: TaskCard, spaces: Spaces) -> None:
         CardError: the actions are continuous, or of several numbers, or evaluations draw them.
     """
     if card.eval.actions != "likeliest":
-        raise CardError(
-            f"expected eval.actions 'likeliest' for q-learning, found '{card.eval.actions}' in "
-            f"'{card.name}'"
-        )
+        raise CardError("expected eval.actions 'likeliest' for q-learning, found 'sampled'")
     if not spaces.discrete or spaces.sizes:
-        raise CardError(
-            f"expected numbered actions for q-learning, found {spaces} in '{card.name}'"
-        )
+        raise CardError(f"expected numbered actions for q-learning, found {spaces}")
 
 
 def epsilon(k: int, config: QLearningConfig) -> float:
