@@ -81,6 +81,10 @@ def test_who_starts_from_a_teacher_is_as_good_as_it_and_learns_from_others_alone
     assert_allclose(again.betas(), [[5 / 6 / 2], [0.0]])
 
 
+def test_a_difference_of_rounding_is_no_lead():
+    assert_allclose(measured(own=-0.6000000000000003, taught=(-0.6,)).betas(), [[0.0]])
+
+
 def test_a_teacher_who_leads_by_chance_has_no_beta_however_bad_the_student():
     found = after(measured(own=-10, taught=(-9.0,), spread=1.0), -14.0, spread=1.0)
     assert_array_equal(found.betas(), [[0.0]])

@@ -84,6 +84,7 @@ def test_who_earns_more_is_first_and_what_they_earn_is_an_evaluation():
         ([9.0, 10, 11, 10], [9.0, 10, 11, 10], False),
         ([5.0, 20, -9, 10], [1.0, 2, 1, 2], False),  # by chance
         ([5.0, 5, 5, 5], [1.0, 1, 1, 1], True),  # no spread at all
+        ([-0.6] * 4, [-0.6000000000000003] * 4, False),  # a difference of rounding
         ([1.0, 1, 1, 1], [5.0, 5, 5, 5], False),
     ],
 )

@@ -15,6 +15,7 @@ import scipy  # whose parts are loaded when first used
 
 from repaint_cli.errors import CheckpointError, NotFound
 from repaint_cli.learn.evaluation import spaces_of
+from repaint_cli.learn.transfer.measurements import rounding
 from repaint_cli.policies.spaces import Spaces
 from repaint_cli.report.pairs import welch
 from repaint_cli.tasks.card import TaskCard
@@ -50,7 +51,7 @@ class Ranking:
     def best(self) -> Played | None:
         """The teacher who earns most, if that is more than untrained policies by chance."""
         best = self.teachers[0]
-        return best if self.lead(best)[1] > 0 else None
+        return best if self.lead(best)[1] > rounding(self.untrained.returns.mean()) else None
 
     @property
     def comparison(self) -> str:
@@ -62,7 +63,8 @@ class Ranking:
 def ahead(one: Played, other: Played) -> bool:
     """Return whether one earns more than another by more than both standard errors together."""
     gap = one.returns.mean() - other.returns.mean()
-    return bool(gap > np.hypot(scipy.stats.sem(one.returns), scipy.stats.sem(other.returns)))
+    error = np.hypot(scipy.stats.sem(one.returns), scipy.stats.sem(other.returns))
+    return bool(gap > error + rounding(other.returns.mean()))
 
 
 Affordable = Callable[[float], float]

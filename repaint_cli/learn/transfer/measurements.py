@@ -97,7 +97,8 @@ class Measurements:
         (teachers, teachers_error), (own, own_error) = self.taught, self.student
         whole = teachers - self.random[0]  # the lead over an untrained policy
         lead = teachers - own - np.hypot(teachers_error, own_error)
-        leads = whole > np.hypot(teachers_error, self.random[1])
+        chance = np.hypot(teachers_error, self.random[1])
+        leads = whole > chance + rounding(self.random[0])
         if self.start is not None:
             leads[self.start] = False
         with np.errstate(invalid="ignore", divide="ignore"):
@@ -166,6 +167,12 @@ class Measurements:
 
 
 _ARRAYS = ("random", "taught", "student", "evaluated", "quantiles", "leading")
+
+
+def rounding(returns: np.ndarray) -> np.ndarray:
+    """Return by how much equal returns may differ, as sums in another order do."""
+    size: np.ndarray = np.abs(returns) * 1e-9
+    return size
 
 
 def mean_and_error(rows: np.ndarray) -> np.ndarray:
