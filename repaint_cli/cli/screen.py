@@ -134,12 +134,12 @@ def _decided(plan: Plan) -> str:
 
 def _measured(plan: Plan) -> str:
     """Return what was measured before a run, and who earned most."""
-    steps = sum(one.steps for one in plan.ranked)
+    steps, n = sum(one.steps for one in plan.ranked), len(plan.ranked) - 1
     best, basis = (
         interval_text(one.mean, one.low, one.high) for one in (plan.ranked[0], plan.ranked[-1])
     )
     return (
-        f"{len(plan.ranked) - 1} views of teachers, and untrained policies, played {steps:,} "
+        f"{n} view{'s' * (n > 1)} of teachers, and untrained policies, played {steps:,} "
         f"steps, which count; {plan.ranked[0].name} earns {best}, an untrained policy {basis}"
     )
 
