@@ -39,9 +39,9 @@ from repaint_cli.zoo.scoring import score
 from repaint_cli.zoo.teacher_card import TeacherCard
 
 SEED = 7
-SHARES = (1.0, 0.8, 0.6, 0.4, 0.2, 0.0)
+SHARES = (1.0, 0.5, 0.0, 0.0, 0.0)
 """How often the script acts, round by round; else the network does."""
-EPISODES, EPOCHS = 3, 4
+EPISODES, EPOCHS = 3, 2
 """Of a round, and how often all samples so far are learned after it."""
 LEARNING_RATE, MINIBATCH = 5e-4, 128
 
@@ -65,17 +65,16 @@ def play(
     script = BuildOrder(engine.observe(), width=task.env.spec.camera.width)
     over = False
     while not over:
-        network_acts = rng.random() >= share
-        skipped = script.passed_over() if network_acts else script
         action = wanted = script.act(engine.observe())
         seen = {name: array[0].copy() for name, array in obs.items()}
-        if network_acts:
+        if rng.random() >= share:
             batch = {name: torch.from_numpy(array)[None] for name, array in obs.items()}
             with torch.no_grad():
                 policy = student.policy(batch)
                 noise = policy.noise(rng, (1, 1, policy.n_actions))
                 action = policy.sample(torch.from_numpy(noise))[0, 0].numpy()
-            script = script if action[0] == wanted[0] else skipped
+            if action[0] != wanted[0]:
+                script.passed_over()
         obs, _, terminated, truncated, infos = env.step(action[None].astype(np.int64))
         over = bool(terminated[0] or truncated[0])
         yield seen, wanted, float(infos["marines_built"][0])
@@ -108,7 +107,10 @@ def train(task: TaskCard) -> tuple[ActorCritic, int]:
     """Return a network that imitates the script, and how many steps were played."""
     env = task.make_env(1)
     spaces = Spaces.of(env.single_observation_space, env.single_action_space)
-    student, rng = ActorCritic(spaces, task.net, 1), np.random.default_rng(SEED)
+    student, rng = (
+        ActorCritic(spaces, task.net, 1).in_precision("auto"),
+        np.random.default_rng(SEED),
+    )
     student.initialize([generator(SEED, Purpose.INITIALIZE)])
     optimizer = RowAdam(student, LEARNING_RATE)
     changed = {"n_epochs": EPOCHS, "minibatch_size": MINIBATCH}
@@ -138,7 +140,7 @@ def main(path: Path) -> None:
     """Train, measure and write the teacher."""
     task = load_task("build-marines")
     student, steps = train(task)
-    spaces = student.spaces
+    student, spaces = student.in_precision("float32"), student.spaces
     card = TeacherCard(
         name=path.stem, task=task, obs_shape=spaces.obs_shape, n_actions=spaces.n_actions,
         discrete=True, parts=dict(spaces.parts), sizes=spaces.sizes, uses=spaces.uses,

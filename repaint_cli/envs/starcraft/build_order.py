@@ -4,7 +4,6 @@ It sees what an agent sees, and no more: layers of the screen, measurements, and
 available. Its timeline in both engines shows how true the simulator is.
 """
 
-from copy import deepcopy
 from typing import NamedTuple
 
 import numpy as np
@@ -95,27 +94,28 @@ class BuildOrder:
         self._halls = list(sites_of(BARRACKS_SITES, middle, self._scale, BARRACKS_TYPE))
         self._first = self._numbers(seen)
         self._wish: Wish | None = None
+        self._given: Wish | None = None
 
     def act(self, seen: Observation) -> NDArray[np.int16]:
         """Return the action for what is seen of the first game, (3,)."""
+        if self._given is not None:
+            self._note(self._given)
         types = _layer(seen, "unit_type")
         for site in (*self._depots, *self._halls):
             site.look(types, self._step)
         before, self._wish = self._wish, self._next(seen, types)
-        if before is not None and self._may(before, seen):
-            action = self._carry_out(before)
-            self._wish = None
-        else:
-            place = self._wish.select if self._wish else self._centre.place
-            action = (SELECT_POINT, *place)
+        self._given = before if before is not None and self._may(before, seen) else None
         self._step += 1
-        return np.array(action, np.int16)
+        if self._given is not None:
+            site = self._given.site or self._centre
+            builds = self._given.command in (BUILD_DEPOT, BUILD_BARRACKS)
+            return np.array((self._given.command, *(site.place if builds else (0, 0))), np.int16)
+        place = self._wish.select if self._wish else self._centre.place
+        return np.array((SELECT_POINT, *place), np.int16)
 
-    def passed_over(self) -> "BuildOrder":
-        """Return the player as if not asked for this step's action, which another one chose."""
-        other = deepcopy(self)
-        other._wish, other._step = None, self._step + 1
-        return other
+    def passed_over(self) -> None:
+        """Forget the last action, in place of which another one was taken."""
+        self._given = None
 
     def _may(self, before: Wish, seen: Observation) -> bool:
         """Return whether the last step's wish can be carried out, and is still one."""
@@ -123,15 +123,14 @@ class BuildOrder:
         affordable = self._numbers(seen)["minerals"] - self._promised() >= COSTS[before.command]
         return wanted and affordable and bool(seen.available[0, before.command])
 
-    def _carry_out(self, wish: Wish) -> tuple[int, int, int]:
-        """Return the action of a command whose turn it is, and remember that it was given."""
-        site = wish.site or self._centre
-        if wish.command in (BUILD_DEPOT, BUILD_BARRACKS):
-            site.ordered = self._step
-            return (wish.command, *site.place)
-        unit = SCV if wish.command == TRAIN_SCV else MARINE
-        site.busy_until = max(site.busy_until, self._step) + steps_of(unit)
-        return (wish.command, 0, 0)
+    def _note(self, given: Wish) -> None:
+        """Remember that a command was given; the next one needs a selection of its own."""
+        site, step, self._wish = given.site or self._centre, self._step - 1, None
+        if given.command in (BUILD_DEPOT, BUILD_BARRACKS):
+            site.ordered = step
+        else:
+            unit = SCV if given.command == TRAIN_SCV else MARINE
+            site.busy_until = max(site.busy_until, step) + steps_of(unit)
 
     def _next(self, seen: Observation, types: Layer) -> Wish | None:
         """Return what to do next, as soon as there are minerals for it; None where it must wait."""
