@@ -84,7 +84,7 @@ def test_the_timeline_of_an_engine_that_builds_nothing_is_its_end():
         def reset(self, seeds, rows=None):
             self.mini.reset(seeds)
 
-        def observe(self, rows=None, seen=None):
+        def observe(self, rows=None, out=None):
             return self.mini.observe()
 
         def step(self, actions, playing=None):

@@ -49,7 +49,7 @@ LEARNING_RATE, MINIBATCH = 5e-4, 128
 def play(
     task: TaskCard, student: ActorCritic, share: float, seed: int, rng: np.random.Generator
 ) -> Iterator[tuple[dict[str, NDArray[Any]], NDArray[np.int16], float]]:
-    """Play an episode; yield what was seen, the script's action (3,), and marines built.
+    """Play an episode; yield what was observed, the script's action (3,), and marines built.
 
     Args:
         task: of the mini-game.
@@ -66,7 +66,7 @@ def play(
     over = False
     while not over:
         action = wanted = script.act(engine.observe())
-        seen = {name: array[0].copy() for name, array in obs.items()}
+        observations = {name: array[0].copy() for name, array in obs.items()}
         if rng.random() >= share:
             batch = {name: torch.from_numpy(array)[None] for name, array in obs.items()}
             with torch.no_grad():
@@ -77,7 +77,7 @@ def play(
                 script.passed_over()
         obs, _, terminated, truncated, infos = env.step(action[None].astype(np.int64))
         over = bool(terminated[0] or truncated[0])
-        yield seen, wanted, float(infos["marines_built"][0])
+        yield observations, wanted, float(infos["marines_built"][0])
 
 
 def certain(actions: Tensor, spaces: Spaces) -> Compound:
@@ -91,13 +91,18 @@ def certain(actions: Tensor, spaces: Spaces) -> Compound:
     )
 
 
-def samples_of(seen: list[dict[str, NDArray[Any]]], wanted: list[NDArray[np.int16]]) -> Samples:
+def samples_of(
+    observations: list[dict[str, NDArray[Any]]], wanted: list[NDArray[np.int16]]
+) -> Samples:
     """Return steps (B,) as samples of one seed, which the script's actions belong to."""
     n = len(wanted)
-    observed = {name: torch.from_numpy(np.stack([one[name] for one in seen])) for name in seen[0]}
+    stores = {
+        name: torch.from_numpy(np.stack([one[name] for one in observations]))
+        for name in observations[0]
+    }
     actions, zeros = torch.from_numpy(np.stack(wanted).astype(np.int64))[None], torch.zeros(1, n)
     return Samples(
-        counts=torch.tensor([n]), observations=Observations([observed]),
+        counts=torch.tensor([n]), observations=Observations([stores]),
         rows=torch.arange(n)[None], actions=actions, behavior_log_probs=zeros, advantages=zeros,
         returns=zeros, rewards=zeros,
     )  # fmt: skip
@@ -114,15 +119,15 @@ def train(task: TaskCard) -> tuple[ActorCritic, int]:
     student.initialize([generator(SEED, Purpose.INITIALIZE)])
     optimizer = RowAdam(student, LEARNING_RATE)
     changed = {"n_epochs": EPOCHS, "minibatch_size": MINIBATCH}
-    seen, wanted = list[dict[str, NDArray[Any]]](), list[NDArray[np.int16]]()
+    observations, wanted = list[dict[str, NDArray[Any]]](), list[NDArray[np.int16]]()
     for i, share in enumerate(SHARES):
         marines = 0.0
         for episode in range(EPISODES):
             for obs, action, built in play(task, student, share, 100 * i + episode, rng):
-                seen.append(obs)
+                observations.append(obs)
                 wanted.append(action)
                 marines += built
-        samples = samples_of(seen, wanted)
+        samples = samples_of(observations, wanted)
         spec = UpdateSpec(
             task.ppo.model_copy(update=changed), 0.2, loss="distillation", networks="policy",
             teacher=certain(samples.actions, spaces), beta=1.0,

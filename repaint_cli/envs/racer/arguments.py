@@ -1,6 +1,6 @@
-"""Checks of what callers give the racer: settings, actions, seeds and start options."""
+"""Checks of what callers give the racer: settings, actions and start options."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -45,21 +45,6 @@ def checked_actions(actions: NDArray[np.int64], n: int, n_actions: int) -> NDArr
     if actions.min() < 0 or actions.max() >= n_actions:
         raise ValueError(f"expected actions from 0 to {n_actions - 1}, found {actions}")
     return actions
-
-
-def seeds_of(seed: int | Sequence[int | None] | None, n: int) -> Sequence[int | None]:
-    """Return a seed for each of N environments: s stands for s, s + 1, …; None is no new seed.
-
-    Raises:
-        ValueError: there are not N seeds.
-    """
-    if seed is None:
-        return [None] * n
-    if isinstance(seed, (int, np.integer)):
-        return [int(seed) + i for i in range(n)]
-    if len(seed) != n:
-        raise ValueError(f"expected {n} seeds, found {len(seed)}")
-    return seed
 
 
 def lap_fractions_of(options: dict[str, Any] | None, n: int) -> Floats | None:

@@ -19,7 +19,6 @@ from repaint_cli.envs.racer.arguments import (
     check_positive,
     checked_actions,
     lap_fractions_of,
-    seeds_of,
 )
 from repaint_cli.envs.racer.dynamics.car import ACTIONS, CAR_PROFILES, STEP_SECONDS, commands_of
 from repaint_cli.envs.racer.dynamics.directions import Rows
@@ -29,6 +28,7 @@ from repaint_cli.envs.racer.sight.noise import Noise, disturb_command
 from repaint_cli.envs.racer.sight.sensors import SENSORS, Readings, Sensors
 from repaint_cli.envs.racer.track.geometry import Floats
 from repaint_cli.envs.racer.track.track import Track
+from repaint_cli.envs.seeds import seeds_of
 
 START_PLACES = 20
 """Evenly spaced places on the lap, of which each episode draws its start."""

@@ -1,6 +1,5 @@
-"""Checks of what callers give the games: actions and seeds."""
+"""Checks of what callers give the games: actions."""
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -34,18 +33,3 @@ def checked_actions(actions: Any, n: int, sizes: NDArray[np.int64]) -> NDArray[n
         )
     chosen: NDArray[np.int16] = actions.astype(np.int16)
     return chosen
-
-
-def seeds_of(seed: int | Sequence[int | None] | None, n: int) -> Sequence[int | None]:
-    """Return a seed for each of N environments: s stands for s, s + 1, …; None is no new seed.
-
-    Raises:
-        ValueError: there are not N seeds.
-    """
-    if seed is None:
-        return [None] * n
-    if isinstance(seed, (int, np.integer)):
-        return [int(seed) + i for i in range(n)]
-    if len(seed) != n:
-        raise ValueError(f"expected {n} seeds, found {len(seed)}")
-    return seed

@@ -72,7 +72,7 @@ class BuildOrder:
 
     def __init__(
         self,
-        seen: Observation,
+        observation: Observation,
         scvs: int = 20,
         barracks: int = 7,
         width: float = BUILD_MARINES.camera.width,
@@ -80,31 +80,31 @@ class BuildOrder:
         """Look where the command centre is.
 
         Args:
-            seen: of the episode's beginning; only its first game is looked at.
+            observation: of the episode's beginning; only its first game is looked at.
             scvs: how many to have.
             barracks: how many to have.
             width: of what the screen shows, units.
         """
         self._scvs, self._barracks, self._step = scvs, barracks, 0
         self._scale = SCREEN / width  # pixels a unit
-        rows, columns = np.nonzero(_layer(seen, "unit_type") == CENTRE_TYPE)
+        rows, columns = np.nonzero(_layer(observation, "unit_type") == CENTRE_TYPE)
         middle = columns.mean() + 0.5, rows.mean() + 0.5
         self._centre = Site((int(middle[0]), int(middle[1])), CENTRE_TYPE)
         self._depots = list(sites_of(DEPOT_SITES, middle, self._scale, DEPOT_TYPE))
         self._halls = list(sites_of(BARRACKS_SITES, middle, self._scale, BARRACKS_TYPE))
-        self._first = self._numbers(seen)
+        self._first = self._numbers(observation)
         self._wish: Wish | None = None
         self._given: Wish | None = None
 
-    def act(self, seen: Observation) -> NDArray[np.int16]:
-        """Return the action for what is seen of the first game, (3,)."""
+    def act(self, observation: Observation) -> NDArray[np.int16]:
+        """Return the action for what the first game shows, (3,)."""
         if self._given is not None:
             self._note(self._given)
-        types = _layer(seen, "unit_type")
+        types = _layer(observation, "unit_type")
         for site in (*self._depots, *self._halls):
             site.look(types, self._step)
-        before, self._wish = self._wish, self._next(seen, types)
-        self._given = before if before is not None and self._may(before, seen) else None
+        before, self._wish = self._wish, self._next(observation, types)
+        self._given = before if before is not None and self._may(before, observation) else None
         self._step += 1
         if self._given is not None:
             site = self._given.site or self._centre
@@ -117,11 +117,13 @@ class BuildOrder:
         """Forget the last action, in place of which another one was taken."""
         self._given = None
 
-    def _may(self, before: Wish, seen: Observation) -> bool:
+    def _may(self, before: Wish, observation: Observation) -> bool:
         """Return whether the last step's wish can be carried out, and is still one."""
         wanted = self._wish is not None and self._wish.command == before.command
-        affordable = self._numbers(seen)["minerals"] - self._promised() >= COSTS[before.command]
-        return wanted and affordable and bool(seen.available[0, before.command])
+        affordable = (
+            self._numbers(observation)["minerals"] - self._promised() >= COSTS[before.command]
+        )
+        return wanted and affordable and bool(observation.available[0, before.command])
 
     def _note(self, given: Wish) -> None:
         """Remember that a command was given; the next one needs a selection of its own."""
@@ -132,9 +134,9 @@ class BuildOrder:
             unit = SCV if given.command == TRAIN_SCV else MARINE
             site.busy_until = max(site.busy_until, step) + steps_of(unit)
 
-    def _next(self, seen: Observation, types: Layer) -> Wish | None:
+    def _next(self, observation: Observation, types: Layer) -> Wish | None:
         """Return what to do next, as soon as there are minerals for it; None where it must wait."""
-        has = self._numbers(seen)
+        has = self._numbers(observation)
         room = has["food_cap"] - has["food_used"]
         if self._wants_depot(has):
             return self._build(BUILD_DEPOT, self._depots, types)
@@ -206,11 +208,11 @@ class BuildOrder:
         return None
 
     @staticmethod
-    def _numbers(seen: Observation) -> dict[str, int]:
-        return dict(zip(MEASUREMENTS, seen.measurements[0].tolist(), strict=True))
+    def _numbers(observation: Observation) -> dict[str, int]:
+        return dict(zip(MEASUREMENTS, observation.measurements[0].tolist(), strict=True))
 
 
-def _layer(seen: Observation, name: str) -> Layer:
+def _layer(observation: Observation, name: str) -> Layer:
     """Return a layer of the first game's screen, where it shows what is ours; else 0."""
-    own = seen.screen[0, SCREEN_LAYERS.index("player_relative")] == SELF
-    return np.where(own, seen.screen[0, SCREEN_LAYERS.index(name)], 0).astype(np.uint8)
+    own = observation.screen[0, SCREEN_LAYERS.index("player_relative")] == SELF
+    return np.where(own, observation.screen[0, SCREEN_LAYERS.index(name)], 0).astype(np.uint8)

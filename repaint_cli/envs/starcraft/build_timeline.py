@@ -47,16 +47,16 @@ def timelines(
         GameError: the real game is played, and does not run.
     """
     engine.reset(np.array([seed], np.int64))
-    seen = engine.observe()
-    order = BuildOrder(seen, scvs, barracks, width)
+    observation = engine.observe()
+    order = BuildOrder(observation, scvs, barracks, width)
     counted = {"supply depot": 0, "barracks": 0, "marine": 0}
-    first_cap = int(seen.measurements[0, FOOD_CAP])
+    first_cap = int(observation.measurements[0, FOOD_CAP])
     events, loop, over = list[Event](), 0, False
     while not over:
-        terms, terminated, truncated = engine.step(order.act(seen)[None])
+        terms, terminated, truncated = engine.step(order.act(observation)[None])
         over, loop = bool(terminated[0] or truncated[0]), loop + LOOPS_PER_STEP
-        seen = engine.observe()
-        cap = int(seen.measurements[0, FOOD_CAP])
+        observation = engine.observe()
+        cap = int(observation.measurements[0, FOOD_CAP])
         now = {
             "supply depot": -((first_cap - cap) // -DEPOT.supply),
             "barracks": counted["barracks"] + int(terms[0, BARRACKS_BUILT]),

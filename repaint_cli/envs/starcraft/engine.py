@@ -40,12 +40,12 @@ class Engine(Protocol):
             that do not go on.
         """
 
-    def observe(self, rows: Rows | None = None, seen: Observation | None = None, /) -> Observation:
+    def observe(self, rows: Rows | None = None, out: Observation | None = None, /) -> Observation:
         """Return what is seen.
 
         Args:
             rows: which games are looked at, (K,); None is all of them.
-            seen: arrays to fill and return; None is new ones.
+            out: arrays to fill and return; None is new ones.
         """
 
     def stats(self) -> Mapping[str, NDArray[Any]]:

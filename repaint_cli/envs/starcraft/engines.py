@@ -73,8 +73,8 @@ def table_of(columns: dict[str, dict[tuple[str, int], Event]]) -> list[str]:
     first = {key: min(c[key].loop for c in columns.values() if key in c) for key in keys}
     lines = ["".join(f"{text:>16}" for text in ("", *(f"{name}, s" for name in columns)))]
     for what, number in sorted(keys, key=lambda key: first[key]):
-        found = [events.get((what, number)) for events in columns.values()]
-        times = [f"{event.loop / LOOPS_PER_SECOND:.1f}" if event else "-" for event in found]
+        same = [events.get((what, number)) for events in columns.values()]
+        times = [f"{event.loop / LOOPS_PER_SECOND:.1f}" if event else "-" for event in same]
         lines.append("".join(f"{text:>16}" for text in (f"{what} {number}", *times)))
     last = ["marines", *(str(event.number) for event in ends)]
     return [*lines, "".join(f"{text:>16}" for text in last)]

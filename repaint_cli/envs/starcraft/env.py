@@ -14,7 +14,8 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from repaint_cli.envs.compound_space import CompoundSpace
-from repaint_cli.envs.starcraft.arguments import checked_actions, seeds_of
+from repaint_cli.envs.seeds import seeds_of
+from repaint_cli.envs.starcraft.arguments import checked_actions
 from repaint_cli.envs.starcraft.engine import Engine
 from repaint_cli.envs.starcraft.layers import MINIMAP_LAYERS, SCREEN_LAYERS, Spread
 from repaint_cli.envs.starcraft.names import WITH_A_POINT
@@ -109,7 +110,7 @@ class StarCraftVectorEnv(VectorEnv[Any, NDArray[np.int64], Any]):
         self._sizes = action_space().nvec
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
-        self._seen: Any = None
+        self._observed: Any = None
         self._ended = np.zeros(num_envs, np.bool_)
         self._rngs = [np.random.default_rng() for _ in range(num_envs)]
         self._reports = Reports(num_envs)
@@ -138,7 +139,7 @@ class StarCraftVectorEnv(VectorEnv[Any, NDArray[np.int64], Any]):
             first[i] = self._draw(i) if one is None else one
         rows = np.arange(self.num_envs)
         self._begin(rows, first)
-        self._seen = self._engine.observe(None, self._seen)
+        self._observed = self._engine.observe(None, self._observed)
         return self._observation(), self._infos(np.zeros((self.num_envs, len(TERMS))))
 
     def step(self, actions: NDArray[np.int64]) -> tuple[Any, Floats, Flags, Flags, Infos]:
@@ -155,7 +156,7 @@ class StarCraftVectorEnv(VectorEnv[Any, NDArray[np.int64], Any]):
             ResetNeeded: the environment was never reset.
             ValueError: the actions are not N of the action space.
         """
-        if self._seen is None:
+        if self._observed is None:
             raise ResetNeeded("expected reset() before the first step()")
         chosen = checked_actions(actions, self.num_envs, self._sizes)
         moving, ended = ~self._ended, np.flatnonzero(self._ended)
@@ -166,7 +167,7 @@ class StarCraftVectorEnv(VectorEnv[Any, NDArray[np.int64], Any]):
         if not self._stops:
             self._begin(ended, np.array([self._draw(int(row)) for row in ended], np.int64))
         self._ended |= terminated | truncated
-        self._seen = self._engine.observe(None, self._seen)
+        self._observed = self._engine.observe(None, self._observed)
         return (
             self._observation(), terms.sum(1), terminated, truncated, self._infos(terms),
         )  # fmt: skip
@@ -189,13 +190,13 @@ class StarCraftVectorEnv(VectorEnv[Any, NDArray[np.int64], Any]):
     def _observation(self) -> dict[str, np.ndarray]:
         """Return what is seen, as new arrays."""
         return {
-            self._names[0]: self._screen(self._seen.screen),
-            self._names[1]: self._minimap(self._seen.minimap),
-            "measurements": scaled(self._seen.measurements),
-            "available": self._seen.available.astype(np.float32),
+            self._names[0]: self._screen(self._observed.screen),
+            self._names[1]: self._minimap(self._observed.minimap),
+            "measurements": scaled(self._observed.measurements),
+            "available": self._observed.available.astype(np.float32),
         }
 
     def _infos(self, terms: Floats) -> Infos:
         """Return terms (N, F) and records by name."""
         mined = self._engine.stats()["minerals_mined"]
-        return self._reports(terms, self._seen.measurements, mined)
+        return self._reports(terms, self._observed.measurements, mined)

@@ -58,12 +58,12 @@ def frames_of(env: StarCraftSimulator, episodes: Episodes, e: int, title: str) -
     view, seen_layers = map_view.MapView(env.spec), board.Layers(names)
     for action, total in zip(actions, returns, strict=True):
         game.step(action[None])
-        seen, row = game.observe(), game.state.arrays[0]
-        images = [one(part)[0] for one, part in zip(spread, seen[:2], strict=True)]
+        observation, row = game.observe(), game.state.arrays[0]
+        images = [one(part)[0] for one, part in zip(spread, observation[:2], strict=True)]
         frame = still.copy()
         frame.paste(view.draw(row), (0, TITLE))
         frame.paste(seen_layers.draw(images), (map_view.WIDTH + GAP, TITLE))
-        numbers = _numbers(row, seen.measurements[0], float(total))
+        numbers = _numbers(row, observation.measurements[0], float(total))
         frame.paste(board.counters(numbers, WIDTH, COUNTERS - TOP), (0, HEIGHT - COUNTERS + TOP))
         yield np.asarray(frame)
 

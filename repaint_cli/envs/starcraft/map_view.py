@@ -79,13 +79,13 @@ class MapView:
         cells = Image.fromarray(SHADES[visibility[::-1]])
         (left, top), (right, bottom) = self._area(region)
         width, height = round(right) - round(left), round(bottom) - round(top)
-        seen = (
+        box = (
             region.left,
             game.MAP_SIZE - region.top,
             region.right,
             game.MAP_SIZE - region.bottom,
         )
-        smooth = cells.resize((width // 4, height // 4), Image.Resampling.BILINEAR, seen)
+        smooth = cells.resize((width // 4, height // 4), Image.Resampling.BILINEAR, box)
         shown = smooth.resize((width, height), Image.Resampling.NEAREST)
         picture.paste(shown, (round(left), round(top)))
 
@@ -140,8 +140,8 @@ class MapView:
             self._draw_unit(pen, "square", point, shapes.SCV, i == one_scv)
         for i in np.flatnonzero(row["zergling_hp"] > 0):
             x, y = float(row["zergling_x"][i]), float(row["zergling_y"][i])
-            seen = row["visibility"][int(y), int(x)] == game.VISIBLE
-            shape = "triangle" if seen else "outline"
+            visible = row["visibility"][int(y), int(x)] == game.VISIBLE
+            shape = "triangle" if visible else "outline"
             self._draw_unit(pen, shape, self._xy(x, y), shapes.ZERGLING, False)
         for i in np.flatnonzero(row["marine_hp"] > 0):
             point = self._xy(float(row["marine_x"][i]), float(row["marine_y"][i]))

@@ -135,10 +135,10 @@ class StarCraftSimulator(Simulator):
             else {}
         )
         camera = "map" if spec.camera == own_camera(self) else self.camera
-        found = {
+        settled = {
             "minutes": spec.minutes, "zerglings": spec.zerglings or None, "camera": camera,
         }  # fmt: skip
-        return self.model_copy(update=found | sizes)
+        return self.model_copy(update=settled | sizes)
 
     @property
     def records(self) -> tuple[str, ...]:

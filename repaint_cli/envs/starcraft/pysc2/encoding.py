@@ -109,8 +109,8 @@ def _hit_points() -> Bytes:
 
 
 def _look_up(table: Bytes, layer: NDArray[np.int32]) -> Bytes:
-    found: Bytes = np.take(table, np.asarray(layer), mode="clip")
-    return found
+    encoded: Bytes = np.take(table, np.asarray(layer), mode="clip")
+    return encoded
 
 
 def _bytes(layer: NDArray[np.int32], largest: int) -> Bytes:

@@ -87,17 +87,17 @@ class RealEngine:
             terms[row], terminated[row], truncated[row] = self._games[row].step(command, x, y)
         return terms, terminated, truncated
 
-    def observe(self, rows: Rows | None = None, seen: Observation | None = None) -> Observation:
+    def observe(self, rows: Rows | None = None, out: Observation | None = None) -> Observation:
         """Return what is seen; see `Engine.observe`."""
         chosen = self._rows(rows)
-        seen = seen or Observation.empty(len(chosen))
+        observation = out or Observation.empty(len(chosen))
         for i, row in enumerate(chosen):
             game = self._games[row]
-            seen.screen[i] = encoding.screen(game.observation, self._playable[row])
-            seen.minimap[i] = encoding.minimap(game.observation)
-            seen.measurements[i] = encoding.measurements(game.observation)
-            seen.available[i] = game.available
-        return seen
+            observation.screen[i] = encoding.screen(game.observation, self._playable[row])
+            observation.minimap[i] = encoding.minimap(game.observation)
+            observation.measurements[i] = encoding.measurements(game.observation)
+            observation.available[i] = game.available
+        return observation
 
     def stats(self) -> dict[str, NDArray[np.int64]]:
         """Return numbers of the episodes so far; see `Engine.stats`."""

@@ -2,6 +2,9 @@
 
 import math
 
+import numpy as np
+from numpy.typing import NDArray
+
 from repaint_cli.envs.starcraft.rts.constants import (
     BARRACKS,
     BARRACKS_BUILT,
@@ -88,20 +91,11 @@ def has_depot(game: Game) -> bool:
 
 
 @kernel
-def free_depot(game: Game) -> int:
-    """Return a place for another depot, or −1."""
-    for d in range(MAX_DEPOTS):
-        if game.depot_done[d] == 0:
-            return d
-    return -1
-
-
-@kernel
-def free_barracks(game: Game) -> int:
-    """Return a place for other barracks, or −1."""
-    for b in range(MAX_BARRACKS):
-        if game.barracks_done[b] == 0:
-            return b
+def free_place(done: NDArray[np.int32]) -> int:
+    """Return the first place of structures that is free, or −1, of when they are done, (K,)."""
+    for k in range(len(done)):
+        if done[k] == 0:
+            return k
     return -1
 
 
@@ -115,7 +109,7 @@ def begin_structure(game: Game, world: World, i: int) -> int:
     x, y, kind = game.scv_site_x[i], game.scv_site_y[i], game.scv_site_kind[i]
     depot = kind == BUILD_DEPOT
     cost = DEPOT.cost if depot else BARRACKS.cost
-    slot = free_depot(game) if depot else free_barracks(game)
+    slot = free_place(game.depot_done) if depot else free_place(game.barracks_done)
     if game.minerals < cost or slot < 0 or is_blocked(game, world, x, y, half_of(kind)):
         return 0
     game.minerals -= cost

@@ -59,8 +59,8 @@ class Observation(NamedTuple):
             given, like = getattr(self, name), getattr(wanted, name)
             fits = given.shape[1:] == like.shape[1:] and given.dtype == like.dtype
             if len(given) < n or not fits:
-                found = f"{given.shape} of {given.dtype}"
-                raise ValueError(f"expected room for {n} games in {name}, found {found}")
+                shape = f"{given.shape} of {given.dtype}"
+                raise ValueError(f"expected room for {n} games in {name}, found {shape}")
 
 
 class MiniRTS:
@@ -136,13 +136,15 @@ class MiniRTS:
             ValueError: these arrays are too small, or of another shape or type.
         """
         rows = self._rows(rows)
-        seen = out or Observation.empty(len(rows))
-        seen.check_room(len(rows))
+        observation = out or Observation.empty(len(rows))
+        observation.check_room(len(rows))
         self._share(
             rows,
-            lambda part, first: observe_rows(part, first, self.state.arrays, self.world, *seen),
+            lambda part, first: observe_rows(
+                part, first, self.state.arrays, self.world, *observation
+            ),
         )
-        return seen
+        return observation
 
     def stats(self) -> dict[str, NDArray[np.int32]]:
         """Return what happened in each game so far, by name, each (N,) in new arrays."""

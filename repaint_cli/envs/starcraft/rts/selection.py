@@ -1,6 +1,6 @@
 """What is selected, and which commands are available because of it."""
 
-from repaint_cli.envs.starcraft.rts.building import free_barracks, free_depot, has_depot
+from repaint_cli.envs.starcraft.rts.building import free_place, has_depot
 from repaint_cli.envs.starcraft.rts.constants import (
     ATTACK_POINT,
     BARRACKS,
@@ -122,9 +122,12 @@ def update_available(game: Game, world: World) -> None:
     fights = world.zerglings > 0
     room = game.food_workers + game.centre_queue < MAX_SCVS
     can = game.available
-    can[BUILD_DEPOT] = builder and game.minerals >= DEPOT.cost and free_depot(game) >= 0
+    can[BUILD_DEPOT] = builder and game.minerals >= DEPOT.cost and free_place(game.depot_done) >= 0
     can[BUILD_BARRACKS] = (
-        builder and game.minerals >= BARRACKS.cost and has_depot(game) and free_barracks(game) >= 0
+        builder
+        and game.minerals >= BARRACKS.cost
+        and has_depot(game)
+        and free_place(game.barracks_done) >= 0
     )
     can[TRAIN_SCV] = (
         kind == THE_CENTRE

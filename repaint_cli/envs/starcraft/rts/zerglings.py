@@ -86,17 +86,17 @@ def place_zergling(game: Game, world: World, k: int, first: bool) -> None:
     the corner of the region.
     """
     bx, by, apart = world.region[0] + EDGE, world.region[1] + EDGE, ZERGLINGS_APART
-    found = False
-    while not found and apart >= LEAST_APART:
+    placed = False
+    while not placed and apart >= LEAST_APART:
         for _ in range(DRAWS):
             x, y = draw_place(game, world, k, first)
             if not is_allowed(game, world, k, first, x, y):
                 continue
             bx, by = x, y
             if is_apart(game, k, x, y, apart):
-                found = True
+                placed = True
                 break
-        if not found:
+        if not placed:
             apart -= LESS_APART
     if apart < ZERGLINGS_APART:
         game.placed_closer += 1
