@@ -150,7 +150,7 @@ def check(
         option(
             OPTIONS,
             "NAME",
-            "Instead, play a fixed course in this engine of the task's simulator and in its own, "
+            "Instead, play a fixed script in this engine of the task's simulator and in its own, "
             "and print both timelines.",
         ),
     ] = None,

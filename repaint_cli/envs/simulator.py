@@ -179,7 +179,7 @@ class Simulator(Settings, ABC):
         return None
 
     def beside(self, engine: str) -> list[str]:
-        """Play a fixed course in its own engine and in another; return both timelines, for people.
+        """Play a fixed script in its own engine and in another; return both timelines, for people.
 
         Raises:
             CardError: it has one engine only, or not this one.
