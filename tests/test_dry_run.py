@@ -6,6 +6,7 @@ import subprocess
 import sys
 import tempfile
 import tomllib
+from math import inf
 
 import pytest
 from small_runs import QUICK, add_teacher, files_below
@@ -34,7 +35,8 @@ def no_trace(home, teacher, monkeypatch, tmp_path_factory):
 
 
 @pytest.mark.usefixtures("no_trace")
-def test_what_is_printed_is_the_card_that_would_be_trained(repaint, home, teacher):
+def test_what_is_printed_is_the_card_that_would_be_trained(repaint, home, teacher, monkeypatch):
+    monkeypatch.setattr("repaint_cli.runs.estimate.LONG_SECONDS", inf)  # the first may compile
     said = repaint(*REPAINT, "--seeds", 2, "--method", "kickstart", "--set", "net.hidden=[8]")
     assert said.code == 0
     for line in (

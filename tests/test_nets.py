@@ -154,17 +154,20 @@ def test_policy_and_critic_may_differ_in_width_and_bend_otherwise(activation, la
         assert_close(found[0], expected)
 
 
-@pytest.mark.parametrize("shared", [False, True])
+SHARED = pytest.mark.parametrize("shared", [False, True, "all"])
+
+
+@SHARED
 def test_the_camera_network_is_torchs(shared):
     student = drawn(PICTURE, CNN.model_copy(update={"shared": shared}), seeds=(0, 1))
     obs, w = observations(PICTURE, 2, 5), student.weights
-    eyes = "policy" if shared else "value"
+    eyes, dense = "policy" if shared else "value", "policy" if shared == "all" else "value"
     for s in range(2):
         x = F.avg_pool2d(obs[s].permute(0, 3, 1, 2) / 255, 2)
         for layer, stride in (("conv0", 2), ("conv1", 1)):
             name = f"{eyes}.{layer}"
             x = F.relu(F.conv2d(x, w[f"{name}.weight"][s], w[f"{name}.bias"][s], stride))
-        x = F.relu(x.flatten(1) @ w["value.dense.weight"][s] + w["value.dense.bias"][s])
+        x = F.relu(x.flatten(1) @ w[f"{dense}.dense.weight"][s] + w[f"{dense}.dense.bias"][s])
         expected = x @ w["value.head.weight"][s] + w["value.head.bias"][s]
         assert_close(student.value(obs)[s], expected[:, 0])
 
@@ -177,6 +180,27 @@ def test_shared_convolutions_belong_to_the_policy_and_move_both():
     student.weights["policy.conv0.weight"].data += 0.1
     assert not torch.equal(student.value(obs), values)
     assert not torch.equal(likelihoods(student, obs), policy)
+
+
+@SHARED
+def test_policy_and_value_are_those_of_two_passes(shared):
+    student = drawn(PICTURE, CNN.model_copy(update={"shared": shared}), seeds=(0, 1))
+    obs, gradients = observations(PICTURE, 2, 5), []
+    apart = student.policy(obs, [5, 3]), student.value(obs, [5, 3])
+    for policy, values in (apart, student.policy_and_value(obs, [5, 3])):
+        assert_close(values, apart[1])
+        assert_close(policy.log_probs, apart[0].log_probs)
+        student.gradients.zero_()
+        (policy.log_probs[..., 0].sum() + values.sum()).backward()
+        gradients.append(student.gradients.clone())
+    assert_close(*gradients)
+    assert (gradients[0] != 0).any(1).all()
+
+
+def test_all_layers_but_the_heads_are_shared():
+    student = drawn(PICTURE, CNN.model_copy(update={"shared": "all"}))
+    names = [name for name in student.weights if name.startswith("value.")]
+    assert names == ["value.head.weight", "value.head.bias"]
 
 
 def test_images_beyond_the_count_are_not_looked_at():

@@ -71,8 +71,9 @@ class NetConfig(Settings):
     flip_images: bool = False
     """Whether images are flipped left and right before they are read: a student that began as a
     teacher's mirror image sees the world so."""
-    shared: bool = False
-    """Whether policy and critic share the convolutions."""
+    shared: bool | Literal["all"] = False
+    """Whether policy and critic share the layers that read images and vectors (true), all layers
+    but their heads ("all"), or none (false)."""
     precision: Literal["float32", "bf16", "auto"] = "float32"
     """What a `cnn` computes in: float32, bfloat16 (bf16: all convolutions but the first, and the
     first dense layer; weights and sums stay float32), or auto: bf16 where the CPU has instructions

@@ -21,16 +21,13 @@ from torch import Tensor
 from repaint_cli.policies.architecture import NetConfig
 from repaint_cli.policies.compound import Compound
 from repaint_cli.policies.distributions import Categorical, Distribution, Gaussian
-from repaint_cli.policies.images import brightness
+from repaint_cli.policies.image_network import Heads, ImageNetwork
 from repaint_cli.policies.normalizer import Normalizer
 from repaint_cli.policies.parameters import (
     AVAILABLE,
-    LIDAR_WIDTHS,
     NetworkName,
     first_values,
-    images_of,
     leaves_of,
-    vectors_of,
 )
 from repaint_cli.policies.precision import resolved
 from repaint_cli.policies.spaces import Spaces, by_name
@@ -109,11 +106,6 @@ class ActorCritic:
         uses = torch.tensor(self.spaces.uses, dtype=torch.float32)
         return torch.ones_like(uses) if self.net.spatial == "all" else uses
 
-    @property
-    def _dtype(self) -> torch.dtype:
-        """Of convolutions and of the large dense layers, which are most of the arithmetic."""
-        return torch.bfloat16 if self.net.precision == "bf16" else torch.float32
-
     def _views(self) -> Iterator[tuple[str, Tensor]]:
         start = 0
         for leaf in self.leaves:
@@ -140,7 +132,10 @@ class ActorCritic:
                 is padding.
             counts: how many are real, (S,); all where absent. Padding of images is not computed.
         """
-        out = self._forward("policy", obs, counts)
+        return self._distribution(self._forward("policy", obs, counts), obs)
+
+    def _distribution(self, out: Tensor, obs: Any) -> Distribution:
+        """Return π(·|s) of the outputs of its head, (S, B, heads), for these observations."""
         if self.spaces.sizes:
             available = by_name(obs)[AVAILABLE] if self.net.mask else None
             return Compound.from_logits(out, self.spaces.sizes, self._uses, available)
@@ -156,8 +151,17 @@ class ActorCritic:
         """Return V(s), (S, B), for raw observations (S, B, *O); see `policy`."""
         return self._forward("value", obs, counts).squeeze(-1)
 
-    def _forward(self, network: NetworkName, obs: Any, counts: Sequence[int] | None) -> Tensor:
-        """Return the outputs of the policy's or the critic's head, (S, B, heads).
+    def policy_and_value(
+        self, obs: Any, counts: Sequence[int] | None = None
+    ) -> tuple[Distribution, Tensor]:
+        """Return `policy` and `value`; layers that both use are computed once."""
+        if not (self.net.shared and self.spaces.image):
+            return self.policy(obs, counts), self.value(obs, counts)
+        out = self._forward("both", obs, counts)
+        return self._distribution(out[..., :-1], obs), out[..., -1]
+
+    def _forward(self, network: Heads, obs: Any, counts: Sequence[int] | None) -> Tensor:
+        """Return the outputs of the policy's or the critic's head, or of both, (S, B, heads).
 
         Seed by seed, so that its neighbours and the padding change no bit of a seed's; but where
         gradients are wanted of dense networks, in products of all seeds at once, which are faster.
@@ -173,10 +177,12 @@ class ActorCritic:
             outs.append(out if n == width else F.pad(out, (0, 0, 0, width - n)))
         return torch.cat(outs)
 
-    def _outputs(self, network: NetworkName, parts: Mapping[str, Tensor]) -> Tensor:
+    def _outputs(self, network: Heads, parts: Mapping[str, Tensor]) -> Tensor:
         """Return outputs (S, B, heads); of images S is 1, as grouped convolutions are slower."""
         if self.spaces.image:
-            return self._cnn(network, {n: x.squeeze(0) for n, x in parts.items()}).unsqueeze(0)
+            layers = ImageNetwork(self.weights, self.net, self.spaces)
+            return layers.outputs(network, {n: x.squeeze(0) for n, x in parts.items()}).unsqueeze(0)
+        assert network != "both"
         x, activation = parts[""], ACTIVATIONS[self.net.activation]
         learning = torch.is_grad_enabled()
         *hidden, head = self._dense_layers(network) if learning else self._frozen[network]
@@ -199,52 +205,3 @@ class ActorCritic:
                 name: [(weight.detach(), bias) for weight, bias in self._dense_layers(name)]
                 for name in names
             }
-
-    def _cnn(self, network: NetworkName, parts: Mapping[str, Tensor]) -> Tensor:
-        """Return outputs (B, heads) for images (B, H, W, C) and vectors (B, n), by name."""
-        torso = "policy" if self.net.shared else network
-        x = self._features_of_parts(torso, parts) if self.spaces.parts else (
-            self._features(torso, *parts.values())
-        )  # fmt: skip
-        x = torch.relu(self._dense(x, f"{network}.dense", self._dtype))
-        return self._dense(x, f"{network}.head")
-
-    def _features(self, torso: str, images: Tensor, ranges: Tensor | None = None) -> Tensor:
-        """Return features (B, n) of images (B, H, W, C) and ranges (B, beams)."""
-        x = self._conv_torso(torso, images)
-        if ranges is None:
-            return x
-        y = 1 - ranges  # so that a beam that meets nothing is 0
-        for layer in range(len(LIDAR_WIDTHS)):
-            y = torch.relu(self._dense(y, f"{torso}.lidar{layer}"))
-        return torch.cat([x, y], 1)
-
-    def _features_of_parts(self, torso: str, parts: Mapping[str, Tensor]) -> Tensor:
-        """Return features (B, n) of several images (B, H, W, C) and vectors (B, n)."""
-        features = [self._conv_torso(f"{torso}.{n}", parts[n]) for n in images_of(self.spaces)]
-        if names := vectors_of(self.spaces):
-            vector = torch.cat([parts[name].float() for name in names], 1)
-            features.append(torch.tanh(self._dense(vector, f"{torso}.vector")))
-        return torch.cat(features, 1)
-
-    def _conv_torso(self, network: str, images: Tensor) -> Tensor:
-        """Return features (B, n) of images (B, H, W, C)."""
-        torso = self.net.conv_torso
-        activation = torch.tanh if torso.tanh else torch.relu
-        x = brightness(images.flip(2) if self.net.flip_images else images, self.net.pool)
-        for layer, (_, _, stride) in enumerate(torso.layers):
-            weight, bias = self._layer(f"{network}.conv{layer}", x.dtype)
-            x = activation(F.conv2d(x, weight, bias, stride).to(self._dtype))
-        x = x.flatten(1)
-        if torso.dense:
-            x = activation(self._dense(x, f"{network}.embed", self._dtype))
-        return x
-
-    def _dense(self, x: Tensor, name: str, dtype: torch.dtype = torch.float32) -> Tensor:
-        weight, bias = self._layer(name, dtype)
-        return torch.addmm(bias, x.to(dtype), weight)
-
-    def _layer(self, name: str, dtype: torch.dtype) -> tuple[Tensor, Tensor]:
-        """Return the weight and the bias of a layer of the only seed, as they enter a product."""
-        weight, bias = (self.weights[f"{name}.{part}"].squeeze(0) for part in ("weight", "bias"))
-        return weight.to(dtype), bias.to(dtype)

@@ -58,7 +58,8 @@ def _network(name: NetworkName, spaces: Spaces, net: NetConfig) -> Iterator[Leaf
     """Yield the parameters of the policy or of the critic, in order."""
     if spaces.image:
         size = yield from _sensor_layers(name, spaces, net)
-        yield from _dense(f"{name}.dense", size, net.dense, sqrt(2))
+        if name == "policy" or net.shared != "all":
+            yield from _dense(f"{name}.dense", size, net.dense, sqrt(2))
         size = net.dense
     else:
         size = spaces.obs_shape[0]

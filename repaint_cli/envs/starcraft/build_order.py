@@ -53,6 +53,11 @@ AHEAD = 12
 """Steps before a building has trained a unit at which the next one is ordered."""
 
 
+MINERS = (-5.0, 1.5)
+"""Where an SCV mines at nearly every time, units from the middle of the command centre: to the
+east, and to the south."""
+
+
 class Wish(NamedTuple):
     """A command for what must be selected first."""
 
@@ -76,6 +81,7 @@ class BuildOrder:
         scvs: int = 20,
         barracks: int = 7,
         width: float = BUILD_MARINES.camera.width,
+        by_miners: bool = False,
     ) -> None:
         """Look where the command centre is.
 
@@ -84,12 +90,16 @@ class BuildOrder:
             scvs: how many to have.
             barracks: how many to have.
             width: of what the screen shows, units.
+            by_miners: whether an SCV of the minerals builds, always clicked at about the same
+                place, or the nearest one that does not build.
         """
         self._scvs, self._barracks, self._step = scvs, barracks, 0
+        self._by_miners = by_miners
         self._scale = SCREEN / width  # pixels a unit
         rows, columns = np.nonzero(_layer(observation, "unit_type") == CENTRE_TYPE)
         middle = columns.mean() + 0.5, rows.mean() + 0.5
         self._centre = Site((int(middle[0]), int(middle[1])), CENTRE_TYPE)
+        self._miners = tuple(int(m + self._scale * d) for m, d in zip(middle, MINERS, strict=True))
         self._depots = list(sites_of(DEPOT_SITES, middle, self._scale, DEPOT_TYPE))
         self._halls = list(sites_of(BARRACKS_SITES, middle, self._scale, BARRACKS_TYPE))
         self._first = self._numbers(observation)
@@ -177,8 +187,18 @@ class BuildOrder:
         return there < self._barracks and has["food_cap"] > self._first["food_cap"]
 
     def _build(self, command: int, sites: list[Site], types: Layer) -> Wish | None:
-        """Return a wish to build at the best free site, by the nearest SCV that does not build."""
+        """Return a wish to build at the best free site."""
         free = [site for site in sites if site.stands is None and site.ordered is None]
+        rows, columns = self._builders(types)
+        if not free or not len(rows):
+            return None
+        site = min(free, key=lambda one: one.failures)
+        x, y = self._miners if self._by_miners else site.place
+        nearest = np.argmin((columns - x) ** 2 + (rows - y) ** 2)
+        return Wish(command, (int(columns[nearest]), int(rows[nearest])), site)
+
+    def _builders(self, types: Layer) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Return the rows and columns of the pixels of SCVs that do not build."""
         rows, columns = np.nonzero(types == SCV_TYPE)
         for near, data in ((self._depots, DEPOT), (self._halls, BARRACKS)):
             for site in near:
@@ -186,12 +206,7 @@ class BuildOrder:
                     reach = (data.radius + 1) * self._scale
                     far = np.maximum(abs(columns - site.place[0]), abs(rows - site.place[1]))
                     rows, columns = rows[far > reach], columns[far > reach]
-        if not free or not len(rows):
-            return None
-        site = min(free, key=lambda one: one.failures)
-        x, y = site.place
-        nearest = np.argmin((columns - x) ** 2 + (rows - y) ** 2)
-        return Wish(command, (int(columns[nearest]), int(rows[nearest])), site)
+        return rows, columns
 
     def _train(self, types: Layer) -> Wish | None:
         """Return a wish for a marine of the barracks that is free first."""

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from functools import reduce
 from operator import add
+from typing import Any
 
 import torch
 from torch import Tensor
@@ -88,8 +89,8 @@ def representation_loss(
     """
     obs, counts = batch.observations.take(batch.rows), batch.counts
     mean, metrics, loss = mean_over(counts, batch.rows.shape[1]), dict[str, Tensor](), []
-    if spec.moves_policy:
-        policy = student.policy(obs, counts.tolist())
+    policy, values = _of_moving(student, obs, counts.tolist(), spec)
+    if policy is not None:
         log_probs = policy.log_prob(batch.actions)
         loss_of_samples = mean(objective(log_probs, batch, spec, of_teacher=False))
         metrics |= {
@@ -100,11 +101,21 @@ def representation_loss(
         if teacher is not None:
             metrics["cross_entropy"] = mean(teacher.cross_entropy(policy))
             loss.append(torch.as_tensor(spec.beta, dtype=torch.float32) * metrics["cross_entropy"])
-    if spec.moves_critic:
-        values = student.value(obs, counts.tolist())
+    if values is not None:
         metrics["value_loss"] = mean(squared_error(values, batch.returns))
         loss.append(spec.ppo.vf_coef * metrics["value_loss"])
     return reduce(add, loss), metrics
+
+
+def _of_moving(
+    student: ActorCritic, obs: Any, counts: list[int], spec: UpdateSpec
+) -> tuple[Distribution | None, Tensor | None]:
+    """Return π_θ(·|s) and V(s), (S, b), of the networks that move."""
+    if spec.moves_policy and spec.moves_critic:
+        return student.policy_and_value(obs, counts)
+    if spec.moves_policy:
+        return student.policy(obs, counts), None
+    return None, student.value(obs, counts)
 
 
 def instance_loss(
