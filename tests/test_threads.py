@@ -44,6 +44,22 @@ def test_one_thread_is_one_of_torch_and_one_of_blas():
         torch.set_num_threads(before)
 
 
+def test_first_weights_are_drawn_with_one_thread_of_blas(monkeypatch):
+    card, seen = read_task("racer-inner").with_settings(["net.dense=16"]), []
+    network, qr = ActorCritic(spaces_of(card), card.net, 1), np.linalg.qr
+
+    def spy(drawn):
+        seen.append(blas_threads())
+        return qr(drawn)
+
+    monkeypatch.setattr(np.linalg, "qr", spy)
+    with threadpool_limits(2, user_api="blas"):
+        network.initialize([np.random.default_rng(0)])
+        assert blas_threads() == {2}
+    assert len(seen) > 4
+    assert all(threads == {1} for threads in seen)
+
+
 def blas_threads():
     return {
         library["num_threads"] for library in ThreadpoolController().select(user_api="blas").info()
