@@ -1,4 +1,5 @@
 import gc
+import os
 import shutil
 import sys
 from dataclasses import dataclass
@@ -18,6 +19,10 @@ class _NoTorch:
         if name == "torch":
             pytest.skip("needs torch, which `make test-light` leaves out", allow_module_level=True)
 
+
+# one thread of BLAS, as of torch, also of what tests start, and before numpy is loaded: on a busy
+# machine two wait for each other by spinning, and take a hundred times as long as one
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 if find_spec("torch"):
     import torch
