@@ -14,7 +14,7 @@ import numpy as np
 import scipy  # whose parts are loaded when first used
 from numpy.typing import ArrayLike
 
-from repaint_cli.report.statistics import RESAMPLES, Estimate, Floats, mean_of
+from repaint_cli.report.statistics import RESAMPLES, Estimate, Floats, mean_of, student_t
 
 NOTHING = (np.nan, np.nan, np.nan)
 
@@ -113,7 +113,7 @@ def welch_interval(
     v, w = own.var(axis=-1, ddof=1) / n, basis.var(axis=-1, ddof=1) / m
     spread = v**2 / (n - 1) + w**2 / (m - 1)
     freedom = np.where(spread > 0, (v + w) ** 2 / np.where(spread > 0, spread, 1), 1)
-    wide = scipy.stats.t.ppf((1 + level) / 2, freedom) * np.sqrt(v + w)
+    wide = student_t((1 + level) / 2, freedom) * np.sqrt(v + w)
     return gap, gap - wide, gap + wide
 
 
@@ -161,7 +161,7 @@ def better(values: ArrayLike, others: ArrayLike) -> Estimate:
     p = float((1 + gaps).mean() / 2)
     if min(n, m) < 2:
         return p, np.nan, np.nan
-    t = float(scipy.stats.t.ppf(0.975, n + m - 2))
+    t = float(student_t(0.975, n + m - 2))
 
     def beyond(theta: float) -> float:
         odds = (1 - theta) / (2 - theta) + theta / (1 + theta)

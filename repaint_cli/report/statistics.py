@@ -1,6 +1,6 @@
 """Few runs, honest numbers: means with their intervals, and the numbers of a learning curve.
 
-Deterministic, on numpy and `scipy.stats`. `nan` means "no value": a number over runs is nan as soon
+Deterministic, on numpy and scipy. `nan` means "no value": a number over runs is nan as soon
 as one of them has none, because a mean over only the runs that got there would be too good.
 Seeds, which are few, have t intervals; episodes, which are many, a bootstrap.
 
@@ -71,6 +71,11 @@ def bootstrap_mean(values: Floats, level: float = 0.95, seed: int = 0) -> tuple[
     return low, high
 
 
+def student_t(level: float, freedom: ArrayLike) -> Floats:
+    """Return t's quantiles, (…): `scipy.stats.t.ppf` without `scipy.stats`, long to load."""
+    return np.asarray(scipy.special.stdtrit(freedom, level))
+
+
 def t_interval(values: ArrayLike, level: float = 0.95) -> tuple[Floats, Floats, Floats]:
     """Return the mean over runs and Student's interval of it, column by column.
 
@@ -90,7 +95,7 @@ def t_interval(values: ArrayLike, level: float = 0.95) -> tuple[Floats, Floats, 
     mean = runs.mean(axis=0) if n else np.full(runs.shape[1:], np.nan)
     if n < 2:
         return mean, np.full_like(mean, np.nan), np.full_like(mean, np.nan)
-    wide = scipy.stats.t.ppf((1 + level) / 2, n - 1) * runs.std(axis=0, ddof=1) / np.sqrt(n)
+    wide = student_t((1 + level) / 2, n - 1) * runs.std(axis=0, ddof=1) / np.sqrt(n)
     return mean, mean - wide, mean + wide
 
 
@@ -128,7 +133,7 @@ def interquartile_mean_of(values: ArrayLike, level: float = 0.95) -> Estimate:
     left = n - 2 * cut
     winsorised = np.clip(runs, runs[cut], runs[n - 1 - cut])
     error = winsorised.std(ddof=1) * np.sqrt(n) / left
-    wide = float(scipy.stats.t.ppf((1 + level) / 2, left - 1) * error)
+    wide = float(student_t((1 + level) / 2, left - 1) * error)
     return middle, middle - wide, middle + wide
 
 
