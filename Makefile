@@ -10,7 +10,7 @@ AUDITOR := .venv-audit/bin/pip-audit
 # What torch needs comes with the rest: that index is asked for one package.
 TORCH_INDEX := --no-deps --retries 2 --extra-index-url https://download.pytorch.org/whl/cpu
 
-.PHONY: install demo docs test test-slow test-light check bench audit
+.PHONY: install demo docs test suite test-slow test-light check lint types bench audit
 
 install: $(INSTALLED)
 	@echo "repaint is in .venv; in each new terminal: . .venv/bin/activate"
@@ -36,14 +36,22 @@ demo: $(INSTALLED)
 docs: $(READY)
 	$(BIN)/python -m mkdocs build --clean
 
-check: $(READY)
+check: lint types
+
+lint: $(READY)
 	$(BIN)/ruff format --check
 	$(BIN)/ruff check
+
+types: $(READY)
 	$(BIN)/mypy
+
+# mypy has one core and takes most of a minute on a clean clone: it runs beside the tests.
+test: lint
+	$(MAKE) --jobs 2 types suite
 
 # On two cores, since half of the tests are processes that are started or killed; their bytecode is
 # kept, whatever the environment says, or each would compile all of it anew.
-test: check
+suite: $(READY)
 	PYTHONDONTWRITEBYTECODE= $(BIN)/pytest --numprocesses 2 --dist worksteal
 
 test-slow: $(READY)
