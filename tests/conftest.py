@@ -78,6 +78,21 @@ def home(tmp_path, monkeypatch):
     return tmp_path
 
 
+@pytest.fixture
+def unpainted(monkeypatch):
+    """Write blank pictures: a figure is made as ever, but not painted, a third of a short run.
+
+    For tests that look at no picture; those of test_figures.py, test_cli.py, test_runs.py are
+    painted.
+    """
+    from matplotlib.figure import Figure
+
+    from repaint_cli.report import style
+
+    save = style.save
+    monkeypatch.setattr(style, "save", lambda _, path: save(Figure(figsize=(0.1, 0.1)), path))
+
+
 @dataclass
 class Said:
     code: int

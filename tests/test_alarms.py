@@ -12,6 +12,8 @@ from repaint_cli.runs.alarms import alarms_of, reference_of
 from repaint_cli.runs.metrics import Report
 from repaint_cli.tasks.card_files import read_task
 
+pytestmark = pytest.mark.usefixtures("unpainted")  # no picture of a run is looked at
+
 SCRATCH = ["transfer", "--task", "reacher", "--method", "scratch", *QUICK]
 QUIET = {"kept_fraction": [0.5], "kept_reward": [2], "student_reward": [1]}
 

@@ -14,6 +14,8 @@ from small_runs import QUICK, add_teacher, files_below
 from repaint_cli.runs.estimate import Estimate
 from repaint_cli.tasks.card_files import read_task
 
+pytestmark = pytest.mark.usefixtures("unpainted")  # no picture of a run is looked at
+
 REPAINT = ["transfer", "--task", "reacher", "--teacher", "old-hand", *QUICK, "--dry-run"]
 TEACHER = ["train-teacher", "--task", "reacher", "--name", "mine", *QUICK, "--dry-run"]
 

@@ -18,6 +18,8 @@ from repaint_cli.files import atomic
 from repaint_cli.policies.spaces import Spaces
 from repaint_cli.policies.weights import load, save
 
+pytestmark = pytest.mark.usefixtures("unpainted")  # no picture of a run is looked at
+
 SCRATCH = ["transfer", "--task", "reacher", "--method", "scratch"]
 TRANSFER = ["transfer", "--task", "reacher", "--teacher", "old-hand"]
 BY_Q = [*TRANSFER, "--algorithm", "q-learning"]

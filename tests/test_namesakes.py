@@ -15,6 +15,8 @@ from repaint_cli.tasks.card_files import read_task
 from repaint_cli.tasks.card_text import to_toml
 from repaint_cli.zoo import store
 
+pytestmark = pytest.mark.usefixtures("unpainted")  # no picture of a run is looked at
+
 USED = "note: teacher 'reacher' is your own; the shipped one is reacher@shipped\n"
 
 SMALL = (

@@ -12,6 +12,8 @@ from repaint_cli.runs import elsewhere
 from repaint_cli.runs.elsewhere import remember, runs_from_here
 from repaint_cli.runs.reader import newest_named, newest_runs
 
+pytestmark = pytest.mark.usefixtures("unpainted")  # no picture of a run is looked at
+
 SCRATCH = ["transfer", "--task", "reacher", "--method", "scratch", *QUICK]
 
 

@@ -24,6 +24,8 @@ from repaint_cli.runs.train_methods import plan_methods
 from repaint_cli.tasks.card_files import read_task
 from repaint_cli.zoo.store import read_teacher
 
+pytestmark = pytest.mark.usefixtures("unpainted")  # no picture of a run is looked at
+
 PICTURE = Spaces((60, 80, 1), 5, discrete=True)
 CNN = NetConfig(kind="cnn", pool=1, conv=((8, 8, 4), (16, 4, 2)), dense=64)
 ROUNDING = 2.0**-9

@@ -31,6 +31,8 @@ from repaint_cli.zoo.ranking import Ranking, rank, views_worth_playing
 from repaint_cli.zoo.teacher_card import read_card
 from repaint_cli.zoo.view_names import TeacherFile, find
 
+pytestmark = pytest.mark.usefixtures("unpainted")  # no picture of a run is looked at
+
 
 def played(name, returns, **known):
     returns = np.array(returns, float)

@@ -21,6 +21,8 @@ from repaint_cli.files.paths import PACKAGE
 sys.path.append(str(Path(__file__).parents[1] / "tools"))
 import finished_runs
 
+pytestmark = pytest.mark.usefixtures("unpainted")  # no picture of a run is looked at
+
 SMOKE = ["--scale", "smoke"]
 
 

@@ -16,6 +16,8 @@ from repaint_cli.policies.weights import load, save
 from repaint_cli.runs import checkpoint, experiment
 from repaint_cli.zoo.teacher_card import read_card, read_summary
 
+pytestmark = pytest.mark.usefixtures("unpainted")  # no picture of a run is looked at
+
 
 def spoil(path):
     content = bytearray(path.read_bytes())

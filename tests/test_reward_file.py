@@ -16,6 +16,8 @@ from repaint_cli.learn.seeding import Purpose
 from repaint_cli.tasks.card_files import read_task
 from repaint_cli.tasks.similarity import cosine
 
+pytestmark = pytest.mark.usefixtures("unpainted")  # no picture of a run is looked at
+
 CENTRE = """
 import math
 

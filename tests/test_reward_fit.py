@@ -17,6 +17,8 @@ from repaint_cli.tasks.card_files import read_task
 from repaint_cli.tasks.reward_fit import fit, with_fitted_weights
 from repaint_cli.tasks.similarity import cosine, relation
 
+pytestmark = pytest.mark.usefixtures("unpainted")  # no picture of a run is looked at
+
 LANES = """
 def reward_function(params):
     if params["is_offtrack"]:

@@ -18,6 +18,8 @@ from repaint_cli.runs.record_parts import Alarm, TeacherRecord
 from repaint_cli.runs.teachers import RunTeachers
 from repaint_cli.tasks.card_files import read_task
 
+pytestmark = pytest.mark.usefixtures("unpainted")  # no picture of a run is looked at
+
 CARD = read_task("reacher").model_dump(mode="json")
 TEACHER = {"name": "old-hand", "sha256": "ab" * 32}
 FIRST = {

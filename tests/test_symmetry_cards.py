@@ -15,6 +15,8 @@ from repaint_cli.symmetry import SignedPermutation
 from repaint_cli.tasks.card import TaskCard
 from repaint_cli.tasks.card_files import read_task
 
+pytestmark = pytest.mark.usefixtures("unpainted")  # no picture of a run is looked at
+
 MANUAL = Path(__file__).parents[1] / "docs" / "your-task.md"
 CARD = """
 extends = "cartpole"

@@ -10,6 +10,8 @@ from test_runs import SCRATCH, rows_of
 
 from repaint_cli.runs.trackers.tracker import TRACKERS, tracker_class
 
+pytestmark = pytest.mark.usefixtures("unpainted")  # no picture of a run is looked at
+
 MORE = ["transfer", "--resume", "run", "--iterations"]
 TWO = [*SCRATCH, "--seeds", 2]
 

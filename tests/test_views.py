@@ -20,6 +20,8 @@ from repaint_cli.tasks.card_files import read_task
 from repaint_cli.zoo import store
 from repaint_cli.zoo.view_names import TeacherFile, find, in_view, split
 
+pytestmark = pytest.mark.usefixtures("unpainted")  # no picture of a run is looked at
+
 CAR = Spaces((120, 160, 1), 10, True)
 LAP_NET = QUICK_LAP[QUICK_LAP.index("net.conv=[[4,8,8]]") :: 2]
 REACHER = ["transfer", "--task", "reacher", *QUICK, "--run", "run"]

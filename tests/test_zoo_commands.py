@@ -16,6 +16,8 @@ from repaint_cli.policies.spaces import Spaces
 from repaint_cli.policies.weights import load, save
 from repaint_cli.zoo import store, verify
 
+pytestmark = pytest.mark.usefixtures("unpainted")  # no picture of a run is looked at
+
 
 @pytest.fixture
 def folder(home):
