@@ -47,7 +47,7 @@ types: $(READY)
 
 # mypy has one core and takes most of a minute on a clean clone: it runs beside the tests.
 test: lint
-	$(MAKE) --jobs 2 types suite
+	$(MAKE) --no-print-directory --jobs 2 types suite
 
 # On two cores, since half of the tests are processes that are started or killed; their bytecode is
 # kept, whatever the environment says, or each would compile all of it anew.

@@ -7,7 +7,6 @@ from threading import Barrier, Event, current_thread
 import numpy as np
 import pytest
 import torch
-from threadpoolctl import ThreadpoolController, threadpool_limits
 
 from repaint_cli import activity
 from repaint_cli.errors import DivergedError
@@ -19,7 +18,7 @@ from repaint_cli.learn.transfer.courses import course_of
 from repaint_cli.learn.update.epochs import seed_by_seed
 from repaint_cli.policies.networks import ActorCritic
 from repaint_cli.tasks.card_files import read_task
-from repaint_cli.threads import cores
+from repaint_cli.threads import blas, cores
 
 
 @pytest.mark.parametrize("text", ["", "0", "many", "-1"])
@@ -34,7 +33,7 @@ def test_one_thread_is_one_of_torch_and_one_of_blas():
     before = torch.get_num_threads()
     torch.set_num_threads(2)
     try:
-        with threadpool_limits(2, user_api="blas"):
+        with blas().limit(limits=2):
             with one_thread():
                 assert torch.get_num_threads() == 1
                 assert blas_threads() == {1}
@@ -53,7 +52,7 @@ def test_first_weights_are_drawn_with_one_thread_of_blas(monkeypatch):
         return qr(drawn)
 
     monkeypatch.setattr(np.linalg, "qr", spy)
-    with threadpool_limits(2, user_api="blas"):
+    with blas().limit(limits=2):
         network.initialize([np.random.default_rng(0)])
         assert blas_threads() == {2}
     assert len(seen) > 4
@@ -61,9 +60,7 @@ def test_first_weights_are_drawn_with_one_thread_of_blas(monkeypatch):
 
 
 def blas_threads():
-    return {
-        library["num_threads"] for library in ThreadpoolController().select(user_api="blas").info()
-    }
+    return {library["num_threads"] for library in blas().info()}
 
 
 def test_as_many_jobs_work_at_a_time_as_there_are_cores(monkeypatch):

@@ -7,15 +7,13 @@ when there are more of them. On a crowded machine all then wait for the one whos
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from functools import cache
 from threading import Event, local
 from typing import TypeVar
 
 import torch
-from threadpoolctl import ThreadpoolController
 
 from repaint_cli import interruption
-from repaint_cli.threads import cores
+from repaint_cli.threads import blas, cores
 
 Result = TypeVar("Result")
 
@@ -26,18 +24,10 @@ def one_thread() -> Iterator[None]:
     before = torch.get_num_threads()
     torch.set_num_threads(1)
     try:
-        with _blas().limit(limits=1):
+        with blas().limit(limits=1):
             yield
     finally:
         torch.set_num_threads(before)
-
-
-@cache
-def _blas() -> ThreadpoolController:
-    """Return a handle on the BLAS of numpy and of compiled code."""
-    import scipy.linalg.cython_blas  # noqa: F401  numba calls it; a library not yet loaded has no handle
-
-    return ThreadpoolController().select(user_api="blas")
 
 
 def side_by_side(jobs: Sequence[Callable[[], Result]]) -> list[Result]:

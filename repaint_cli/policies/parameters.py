@@ -5,16 +5,15 @@ Names are those of the leaves in a file of weights, so they never change.
 
 from collections.abc import Generator, Iterator, Sequence
 from dataclasses import dataclass
-from functools import cache
 from math import prod, sqrt
 from typing import Literal
 
 import numpy as np
-from threadpoolctl import ThreadpoolController
 
 from repaint_cli.errors import CardError
 from repaint_cli.policies.architecture import NetConfig
 from repaint_cli.policies.spaces import Spaces
+from repaint_cli.threads import blas
 
 NetworkName = Literal["policy", "value"]
 
@@ -162,15 +161,9 @@ def first_values(
 def orthogonal(rng: np.random.Generator, shape: tuple[int, ...], gain: float) -> np.ndarray:
     """Draw a matrix with orthogonal rows or columns, times gain, float32; a filter is a row."""
     rows, columns = (shape[0], prod(shape[1:]))
-    with _blas().limit(limits=1):  # on a busy machine further threads wait by spinning, for seconds
+    with blas().limit(limits=1):  # on a busy machine further threads wait by spinning, for seconds
         q = _orthonormal(rng.standard_normal((max(rows, columns), min(rows, columns))))
     return (gain * (q if rows >= columns else q.T)).reshape(shape).astype(np.float32)
-
-
-@cache
-def _blas() -> ThreadpoolController:
-    """Return a handle on the BLAS of numpy."""
-    return ThreadpoolController().select(user_api="blas")
 
 
 def _orthonormal(drawn: np.ndarray) -> np.ndarray:
