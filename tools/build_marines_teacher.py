@@ -182,7 +182,7 @@ def main(path: Path) -> None:
     card = TeacherCard(
         name=path.stem, task=task, obs_shape=spaces.obs_shape, n_actions=spaces.n_actions,
         discrete=True, parts=dict(spaces.parts), sizes=spaces.sizes, uses=spaces.uses,
-        algorithm="imitation of a script", method="scratch", seed=SEED, iteration=len(SHARES),
+        algorithm="DAgger", method="from a script", seed=SEED, iteration=len(SHARES),
         env_steps=steps, score=score(student, task, SEED), versions=versions(),
         created=datetime.now(UTC).isoformat(timespec="seconds"),
     )  # fmt: skip
