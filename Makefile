@@ -66,7 +66,7 @@ test-light:
 	$(LIGHT)/pytest
 
 # Side-by-side speed measurements, an hour and a half in all; let nothing else run meanwhile.
-BENCHMARKS := training_mujoco training_racer startup scaling simulators pieces records crowded
+BENCHMARKS := training_mujoco training_racer training_starcraft startup scaling simulators starcraft pieces records crowded
 bench: $(READY)
 	$(BIN)/python -m pip install --quiet -c constraints.txt -e '.[bench]'
 	for name in $(BENCHMARKS); do $(BIN)/python benchmarks/$$name.py || exit 1; done

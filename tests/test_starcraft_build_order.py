@@ -9,9 +9,15 @@ import pytest
 
 from repaint_cli.envs.starcraft.build_order import BuildOrder
 from repaint_cli.envs.starcraft.build_timeline import Event, timelines
-from repaint_cli.envs.starcraft.rts.constants import BARRACKS, DEPOT, MARINE
+from repaint_cli.envs.starcraft.rts.constants import (
+    BARRACKS,
+    BUILD_BARRACKS,
+    BUILD_DEPOT,
+    DEPOT,
+    MARINE,
+)
 from repaint_cli.envs.starcraft.rts.engine import MiniRTS
-from repaint_cli.envs.starcraft.rts.maps import BUILD_MARINES
+from repaint_cli.envs.starcraft.rts.maps import BUILD_MARINES, BUILD_MARINES_FDZ
 
 DOCS = Path(__file__).parents[1] / "docs"
 MINES = replace(BUILD_MARINES, scv_after_build="mine")
@@ -74,6 +80,26 @@ def test_every_click_hits_and_every_command_is_available():
         sums += terms[0]
     assert (sums[0], sums[2]) == (0, 0)
     assert sums[3] > 300
+
+
+def test_builders_are_clicked_where_they_mine_and_it_still_makes_marines():
+    engine = MiniRTS(replace(BUILD_MARINES, camera=BUILD_MARINES_FDZ.camera), 1)
+    engine.reset(np.array([3]))
+    seen = engine.observe()
+    order = BuildOrder(seen, 32, 4, BUILD_MARINES_FDZ.camera.width, by_miners=True)
+    clicks, sums, before = [], np.zeros(8), None
+    for _ in range(1800):
+        action = order.act(seen)
+        if action[0] in (BUILD_DEPOT, BUILD_BARRACKS):
+            clicks.append(before[1:])
+        terms, _, _ = engine.step(action[None])
+        seen, before = engine.observe(None, seen), action
+        sums += terms[0]
+    assert len(clicks) > 12
+    assert (np.ptp(clicks, axis=0) <= 6).all()  # pixels: near one place, whatever is to be built
+    assert (sums[0], sums[2]) == (0, 0)
+    page = " ".join((DOCS / "starcraft.md").read_text(encoding="utf-8").split())
+    assert f"the script it imitates, in our simulator | {sums[6]:.0f} |" in page
 
 
 def test_the_timeline_of_an_engine_that_builds_nothing_is_its_end():

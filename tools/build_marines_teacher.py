@@ -1,6 +1,6 @@
-"""The warm start of the shipped teacher of `build-marines`: a network that imitates a script.
+"""Train the shipped teacher of `build-marines`: a network that imitates a script.
 
-    python tools/build_marines_teacher.py scripted.safetensors
+    python tools/build_marines_teacher.py build-marines.safetensors
 
 The script is `envs/starcraft/build_order.py`. In each round script and network take turns at
 random; what the script would have done at each step is kept, and the network follows the
