@@ -171,6 +171,8 @@ def check(
     for simulator in simulator_classes():
         if checked := simulator.check_file(name):
             print(plain(f"{checked.name} is sound: {checked.facts}"))
+            if checked.note:
+                print(plain(f"note: {checked.note}"))
             check_replaceable([checked.picture], advice="move it, or check from another folder")
             checked.draw()
             print(plain(f"wrote {checked.picture}\nnext: {checked.next_command}"))
@@ -193,6 +195,8 @@ def _check_card(card: "TaskCard") -> None:
     from repaint_cli.learn.task_check import check_task
 
     checked = check_task(card)
+    for note in checked.notes:
+        print(f"note: {plain(note)}")
     for warning in checked.warnings:
         print(f"warning: {plain(warning)}")
     if checked.errors:
