@@ -1,4 +1,4 @@
-"""`repaint tasks list | show | copy | new | check | trust`."""
+"""`repaint tasks list | show | copy | new | check | trust`; `track` has a file of its own."""
 
 import os
 from pathlib import Path
@@ -9,6 +9,7 @@ import typer
 from repaint_cli.cli import completion
 from repaint_cli.cli.help_page import OPTIONS, HelpPage
 from repaint_cli.cli.options import Yes, argument, option
+from repaint_cli.cli.track import track
 
 if TYPE_CHECKING:
     from repaint_cli.settings import PPOConfig
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
 tasks = typer.Typer(
     no_args_is_help=True, help="List, show, copy, write, check task cards; trust a run."
 )
+tasks.add_typer(track, name="track")
 TaskName = Annotated[
     str,
     argument(
