@@ -13,10 +13,8 @@ from repaint_cli.envs.racer.track.geometry import Floats, crossings, ring_holds
 
 _LARGEST_LOOP = 0.25
 """Of a border's length: a longer one is no loop of a corner."""
-_MAX_PASSES = 100
-"""Each of them cuts all loops that do not touch one another."""
-_MAX_CROSSINGS = 10_000
-"""That one pass looks at."""
+_MAX_PASSES = 30
+"""Each of them cuts all loops that do not touch one another; loops within loops are few."""
 
 
 class Repaired(NamedTuple):
@@ -106,7 +104,8 @@ def cut_loops(line: Floats, *, closed: bool) -> np.ndarray:
     """Replace the points of a border's small loops by the points where it crosses itself.
 
     The number of points stays, so that each still belongs to its point of the centre line. The
-    smallest loops are cut first; what crosses itself in larger ones is left as it is.
+    smallest loops are cut first; what crosses itself in larger ones is left as it is, and so is a
+    line of more crossings than points, which is no border.
 
     Args:
         line: changed in place, (M, 2), m.
@@ -116,9 +115,11 @@ def cut_loops(line: Floats, *, closed: bool) -> np.ndarray:
         which points were replaced, (M,).
     """
     changed = np.zeros(len(line), np.bool_)
-    pairs = np.zeros((_MAX_CROSSINGS, 2), np.int64)
+    pairs = np.zeros((len(line), 2), np.int64)
     for _ in range(_MAX_PASSES):
-        loops = _small_loops(line, pairs[: crossings(line, pairs)], closed=closed)
+        if (found := crossings(line, pairs)) == len(pairs):
+            break
+        loops = _small_loops(line, pairs[:found], closed=closed)
         taken = np.zeros(len(line), np.bool_)
         for i, j, members in loops:
             touched = [i, i + 1, j, j + 1, *members]
