@@ -114,6 +114,10 @@ def crossing():
         (box_rows(inner=1.5, outer=0.5), "inner border must lie inside the outer"),
         (open_rows()[:, [2, 3, 0, 1, 4, 5]], "the centre line must lie between the borders"),
         (open_rows()[[0, 2, 1, 3, 4, 5]], "the line around the road must not cross itself"),
+        (
+            open_rows(n=40)[[*range(10), 11, 10, *range(12, 40)]],
+            "the line around the road must not cross itself, found a crossing of rows",
+        ),
     ],
 )
 def test_what_is_no_road_is_refused_in_a_sentence(rows, message):
