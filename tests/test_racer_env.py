@@ -249,6 +249,23 @@ def test_the_time_limit_truncates_and_does_not_terminate(track):
     assert not any(terminated[0] for terminated, _ in flags)
 
 
+@pytest.mark.parametrize(("progress", "status"), [(99.9, "lap_complete"), (90.0, "off_track")])
+def test_a_lap_that_ends_beside_the_road_is_a_lap(track, progress, status):
+    env = RacerVectorEnv(track, 1, **PARKS)
+    env.reset(options={"lap_fraction": [0.0]})
+    fleet = env._fleet
+    place, heading = track.pose_at(np.full(1, progress // 99 * 0.1 + 0.9))
+    aside = 0.7 * track.width * np.array([-np.sin(heading[0]), np.cos(heading[0])])
+    fleet.states[0, :2] = place[0] + aside
+    fleet._progress[0] = progress
+    _, _, terminated, truncated, infos = env.step(np.array([STRAIGHT_ON]))
+    assert infos["wheels_on"][0] == 0
+    assert (terminated[0], truncated[0]) == (True, False)
+    assert STATUS[int(infos["status"][0])] == status
+    assert infos["fail"][0] == (status == "off_track")
+    assert env.params(0)["is_offtrack"]
+
+
 def test_driving_backwards_ends_the_episode():
     """A car that turns round on a wide road loses progress until it is stopped for it."""
     corners = np.array([[0, 0], [20, 0], [20, 20], [0, 20], [0, 0]], dtype=float)

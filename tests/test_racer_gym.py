@@ -12,6 +12,7 @@ from numpy.testing import assert_array_equal
 
 import repaint_cli  # noqa: F401 - registers it
 from repaint_cli.envs.racer.env import RacerVectorEnv
+from repaint_cli.files.paths import shipped
 from repaint_cli.tasks.card import TaskCard
 
 ID = "repaint/Racer-v0"
@@ -38,6 +39,17 @@ def test_it_is_registered_in_whatever_order_both_are_imported(first, name):
     assert found == ID
     assert not {"numba", "torch", "numpy.testing"} & set(modules.split())
     assert done.stderr == ""
+
+
+def test_waypoints_are_numbered_as_in_the_file_or_uniquely(tmp_path):
+    rows = np.load(shipped("tasks") / "racer" / "tracks" / "oval.npy")
+    file = str(tmp_path / "twice.npy")
+    np.save(file, np.insert(rows, 30, rows[30], axis=0))
+    for how, n in (("file", len(rows) + 1), ("unique", len(rows))):
+        cars = gymnasium.make_vec(f"repaint_cli:{ID}", num_envs=1, track=file, waypoints=how)
+        assert len(cars.unwrapped.track.waypoints[0]) == n
+    with pytest.raises(ValueError, match="waypoints"):
+        gymnasium.make_vec(f"repaint_cli:{ID}", num_envs=1, waypoints="twice")
 
 
 def test_importing_repaint_does_not_import_gymnasium():

@@ -5,7 +5,7 @@ import pytest
 import racer_reference as reference
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.testing import assert_allclose
+from numpy.testing import assert_allclose, assert_array_equal
 
 from repaint_cli.envs.racer.track import geometry
 from repaint_cli.envs.racer.track.track import Track
@@ -53,10 +53,16 @@ def test_pose_at_walks_the_centre_line_and_wraps():
     assert_allclose(headings, [0, 0, np.pi / 2, 0, -np.pi / 2], atol=1e-12)
 
 
-def test_repeated_rows_are_dropped():
+def test_repeated_rows_are_waypoints_but_no_corners():
     rows = box_rows()
-    repeated = np.insert(rows, 2, rows[2], axis=0)
-    assert Track.from_waypoints(repeated, "box") == Track.from_waypoints(rows, "box")
+    repeated, plain = np.insert(rows, 2, rows[2], axis=0), Track.from_waypoints(rows, "box")
+    assert Track.from_waypoints(repeated, "box", unique=True) == plain
+    twice = Track.from_waypoints(repeated, "box")
+    assert twice != plain
+    assert_array_equal(twice.centre, plain.centre)
+    assert_array_equal(twice.distances, plain.distances)
+    assert_array_equal(twice.waypoints[0], repeated[:, :2])
+    assert_array_equal(twice.reversed().waypoints[0], repeated[::-1, :2])
 
 
 def test_equal_tracks_hash_alike_and_others_differ():
@@ -77,6 +83,13 @@ def with_value(value):
     return rows
 
 
+def apart(metres):
+    """A box whose borders end beside their start."""
+    rows = box_rows()
+    rows[-1, 3::2] -= metres
+    return rows
+
+
 def crossing():
     rows = box_rows()
     rows[3, 4:] = 2, -5
@@ -92,12 +105,19 @@ def crossing():
         (np.full((5, 6), "a"), "expected finite numbers"),
         (np.zeros((0, 6)), "expected at least 5 rows that differ .* found 0;"),
         (box_rows()[[0, 1, 2, 0]], "expected at least 5 rows that differ .* found 4;"),
-        (np.vstack([box_rows()[:-1], box_rows()[:1] + 0.1]), r"found them 0\.1 m apart; append"),
-        (crossing(), "the outer border must not cross itself"),
+        (
+            apart(2.5),
+            r"borders to end where they start, .* found row 4 2\.5 m beside row 0; repair",
+        ),
+        (crossing(), "the outer border must not cross itself, found a crossing of rows 0-1 with"),
         (box_rows(centre=0.0), "the centre line must enclose an area"),
         (box_rows(inner=1.5, outer=0.5), "inner border must lie inside the outer"),
         (open_rows()[:, [2, 3, 0, 1, 4, 5]], "the centre line must lie between the borders"),
         (open_rows()[[0, 2, 1, 3, 4, 5]], "the line around the road must not cross itself"),
+        (
+            open_rows(n=40)[[*range(10), 11, 10, *range(12, 40)]],
+            "the line around the road must not cross itself, found a crossing of rows",
+        ),
     ],
 )
 def test_what_is_no_road_is_refused_in_a_sentence(rows, message):
@@ -164,7 +184,8 @@ def test_projection_and_inside_agree_with_the_reference(track, seed):
 def test_crossings_are_those_of_their_slow_twin(seed):
     rng = np.random.default_rng(seed)
     line = rng.normal(size=(rng.integers(4, 8), 2))
-    assert geometry.crosses_itself(line) == reference.crosses_itself(line)
+    found = geometry.crossings(line, np.zeros((9, 2), np.int64))
+    assert (found > 0) == reference.crosses_itself(line)
 
 
 def test_projection_survives_a_border_that_holds_a_point_twice():

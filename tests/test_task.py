@@ -59,6 +59,27 @@ def test_the_time_limit_follows_from_the_track_and_the_slowest_action_unless_a_c
     assert card.with_settings(["env.max_steps=1500"]).task == card.task  # as runs before had it
 
 
+@pytest.mark.parametrize(("limit", "said"), [
+    (None, None),
+    (400, None),
+    (300, "a lap at the slowest action cannot be finished: it takes 360 steps at the slowest "
+     "action's 0.5 m/s, and env.max_steps is 300"),
+    (100, "no lap can be finished: it takes 180 steps at the fastest action's 1 m/s, and "
+     "env.max_steps is 100; leave max_steps out"),
+])  # fmt: skip
+def test_a_card_whose_laps_take_longer_than_its_episodes_is_doubted(limit, said):
+    settings = ["env.track=oval"] + ([] if limit is None else [f"env.max_steps={limit}"])
+    doubts = read_task("racer-inner").with_settings(settings).env.doubts()  # 12 m at 0.5 and 1 m/s
+    assert len(doubts) == (said is not None)
+    assert all(line.startswith(said) for line in doubts)
+
+
+def test_no_shipped_card_is_doubted():
+    for name in shipped_tasks():
+        if name.startswith("racer"):
+            assert read_task(name).env.doubts() == []
+
+
 def test_cards_of_one_task_may_differ():
     card = read_task("reacher")
     other = card.with_settings(["ppo.gamma=0.9"])

@@ -295,6 +295,31 @@ def test_checking_a_track_says_what_it_is_and_draws_it(repaint, home):
     assert (home / "mine.png").read_bytes().startswith(b"\x89PNG")
 
 
+def nearly_closed():
+    """The oval whose borders end 2 cm beside their start."""
+    rows = np.load(TRACKS / "oval.npy")
+    rows[-1, 2:] += 0.02
+    return rows
+
+
+def test_what_was_mended_in_a_track_is_said_where_it_is_checked_and_trained_on(repaint, home):
+    np.save("mine.npy", nearly_closed())
+    said = repaint("tasks", "check", "mine.npy")
+    assert (said.code, said.err) == (0, "")
+    note = "closed by moving row 100 onto row 0, 28 mm away (rows count from 0)"
+    assert f"\nnote: {note}\n" in said.out
+    (home / "mine.toml").write_text(
+        'extends = "racer-inner"\n[env]\ntrack = "mine.npy"\nmax_steps = 20\n'
+    )
+    said = repaint("tasks", "check", "mine.toml")
+    assert said.code == 0
+    assert said.out.startswith(f"note: track 'mine': {note}\nwarning: no lap can be finished: it ")
+    assert "takes 180 steps at the fastest action's 1 m/s, and env.max_steps is 20; " in said.out
+    card = read_task("mine.toml")
+    assert card.env.notes() == [f"track 'mine': {note}"]
+    assert read_task("racer-inner").env.notes() == []
+
+
 @pytest.mark.parametrize("write", [
     lambda path: path.write_text("x, y"),
     lambda path: path.write_bytes(b""),

@@ -1,4 +1,4 @@
-"""`repaint tasks list | show | copy | new | check | trust`."""
+"""`repaint tasks list | show | copy | new | check | trust`; `track` has a file of its own."""
 
 import os
 from pathlib import Path
@@ -9,6 +9,7 @@ import typer
 from repaint_cli.cli import completion
 from repaint_cli.cli.help_page import OPTIONS, HelpPage
 from repaint_cli.cli.options import Yes, argument, option
+from repaint_cli.cli.track import track
 
 if TYPE_CHECKING:
     from repaint_cli.settings import PPOConfig
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
 tasks = typer.Typer(
     no_args_is_help=True, help="List, show, copy, write, check task cards; trust a run."
 )
+tasks.add_typer(track, name="track")
 TaskName = Annotated[
     str,
     argument(
@@ -171,6 +173,8 @@ def check(
     for simulator in simulator_classes():
         if checked := simulator.check_file(name):
             print(plain(f"{checked.name} is sound: {checked.facts}"))
+            if checked.note:
+                print(plain(f"note: {checked.note}"))
             check_replaceable([checked.picture], advice="move it, or check from another folder")
             checked.draw()
             print(plain(f"wrote {checked.picture}\nnext: {checked.next_command}"))
@@ -193,6 +197,8 @@ def _check_card(card: "TaskCard") -> None:
     from repaint_cli.learn.task_check import check_task
 
     checked = check_task(card)
+    for note in checked.notes:
+        print(f"note: {plain(note)}")
     for warning in checked.warnings:
         print(f"warning: {plain(warning)}")
     if checked.errors:

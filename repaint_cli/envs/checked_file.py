@@ -18,3 +18,5 @@ class CheckedFile(NamedTuple):
     """Draws it."""
     next_command: str
     """The next command worth typing."""
+    note: str
+    """What was mended while it was read; "" where nothing was."""

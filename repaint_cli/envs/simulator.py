@@ -103,6 +103,14 @@ class Simulator(Settings, ABC):
         """
         return ()
 
+    def notes(self) -> list[str]:
+        """Return what is worth knowing of its files before a run begins, a sentence each."""
+        return []
+
+    def doubts(self) -> list[str]:
+        """Return what in its settings can hardly be meant, a sentence each."""
+        return []
+
     # The task
 
     @property
@@ -139,10 +147,8 @@ class Simulator(Settings, ABC):
 
     def why_no_symmetry(self) -> str | None:
         """Return why `symmetries` is empty, for people; None where it is not."""
-        if self.symmetries():
-            return None
-        what = f"no symmetry of the simulator '{self.simulator}' is known"
-        return f"{what}; a card can name one in its section [symmetry]"
+        none = f"no symmetry of the simulator '{self.simulator}' is known; a card can name one in"
+        return None if self.symmetries() else f"{none} its section [symmetry]"
 
     # Files and code that a card brings along
 

@@ -45,6 +45,8 @@ class TaskCheck:
     """What training ends with."""
     warnings: list[str] = field(default_factory=list)
     """What else training stumbles over."""
+    notes: list[str] = field(default_factory=list)
+    """What is worth knowing of the files that it reads."""
 
 
 def check_task(card: TaskCard) -> TaskCheck:
@@ -71,6 +73,8 @@ def _play(card: TaskCard, check: TaskCheck) -> None:
     except CardError as error:
         check.errors.append(error)
     card.env.longest_episode()  # without a limit episodes might never end
+    check.notes += card.env.notes()
+    check.warnings += card.env.doubts()
     try:
         card.check_rollout()
     except CardError as error:

@@ -13,6 +13,8 @@ def notices_of(plan: Plan, teachers: RunTeachers) -> list[str]:
     begun, taught_by = plan.begun is not None, {t.name: t.task.net for t in teachers.cards}
     notices = schedule_warnings(teachers.target, begun=begun)
     notices += slowness_warnings(teachers.target.net, taught_by, begun=begun)
+    if not begun:
+        notices += teachers.target.env.notes()
     if plan.task.transfer.distill_epochs and not _distils(plan):
         notices.append(
             "nothing is distilled (transfer.distill_epochs): it needs kickstarting with --beta "

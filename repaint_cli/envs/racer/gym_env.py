@@ -1,7 +1,7 @@
 """The racer as an environment of Gymnasium for other libraries: one car, or many in step."""
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, get_args
 
 import gymnasium
 import numpy as np
@@ -13,7 +13,7 @@ from repaint_cli.envs.racer.dynamics.car import STEP_SECONDS
 from repaint_cli.envs.racer.env import RacerVectorEnv
 from repaint_cli.envs.racer.names import BOT_TERMS, TERMS
 from repaint_cli.envs.racer.registration import MAX_EPISODE_STEPS
-from repaint_cli.envs.racer.track.files import load_track
+from repaint_cli.envs.racer.track.files import Waypoints, load_track
 from repaint_cli.envs.reward_terms import RewardTerms
 
 NO_LIMIT = 2**31 - 1
@@ -24,6 +24,7 @@ def make_cars(
     num_envs: int = 1,
     *,
     track: str = "reinvent-like",
+    waypoints: Waypoints = "file",
     reward: Mapping[str, float] | None = None,
     max_episode_steps: int = MAX_EPISODE_STEPS,
     n_bots: int = 0,
@@ -34,6 +35,7 @@ def make_cars(
     Args:
         num_envs: N.
         track: a shipped track by name, or a file of waypoints.
+        waypoints: numbered as in its "file", or "unique": without rows that repeat another.
         reward: weights of reward terms, by name; the progress of the step where absent.
         max_episode_steps: the time limit, steps of 1/15 s.
         n_bots: other cars on each track.
@@ -46,9 +48,9 @@ def make_cars(
     terms = TERMS | BOT_TERMS if n_bots else TERMS
     for name in reward or ():
         check_names(reward=(name, sorted(terms)))
-    cars = RacerVectorEnv(
-        load_track(track), num_envs, max_steps=max_episode_steps, n_bots=n_bots, **settings
-    )
+    check_names(waypoints=(waypoints, get_args(Waypoints)))
+    road = load_track(track, waypoints)
+    cars = RacerVectorEnv(road, num_envs, max_steps=max_episode_steps, n_bots=n_bots, **settings)
     return RewardTerms(cars, reward) if reward else cars
 
 

@@ -1,7 +1,6 @@
 """Our racing simulator with its settings, behind the interface of simulators."""
 
 from contextlib import suppress
-from math import ceil, isnan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
@@ -9,7 +8,7 @@ from pydantic import Field, field_validator
 
 from repaint_cli.envs.checked_file import CheckedFile
 from repaint_cli.envs.racer.mirror import symmetries_of, unpaired_action
-from repaint_cli.envs.racer.names import BOT_RECORDS, BOT_TERMS, RECORDS, STATUS, TERMS
+from repaint_cli.envs.racer.names import BOT_RECORDS, BOT_TERMS, RECORDS, TERMS
 from repaint_cli.envs.simulator import Simulator
 from repaint_cli.errors import CardError, RepaintError
 from repaint_cli.settings import EvalConfig
@@ -22,9 +21,6 @@ if TYPE_CHECKING:
     from repaint_cli.envs.reward_functions import RewardFunctions
     from repaint_cli.envs.simulator import Environments
 
-LEAST_LIMIT = 1500
-"""Of an episode, steps, where the card says none."""
-
 
 class RacerSimulator(Simulator):
     """Our racing simulator: a car with a camera on a track, alone or among bots."""
@@ -33,6 +29,9 @@ class RacerSimulator(Simulator):
     """Which simulator this is."""
     track: str = "reinvent-like"
     """A shipped track, by name, or the path of a file of waypoints (`my-track.npy`)."""
+    waypoints: Literal["file", "unique"] = "file"
+    """How waypoints are numbered for reward functions and logs: as the rows of the track's file, as
+    DeepRacer did until March 2026, or without rows that repeat the one before."""
     car: Literal["sim4", "sim5", "ideal"] = "sim4"
     """The car's dynamics: two fits to real logs, or a bicycle without lag."""
     actions: tuple[tuple[float, float], ...] = (
@@ -78,7 +77,7 @@ class RacerSimulator(Simulator):
             )  # fmt: skip
         try:
             return RacerVectorEnv(
-                load_track(self.track), n_envs, car=self.car, actions=self.actions,
+                load_track(self.track, self.waypoints), n_envs, car=self.car, actions=self.actions,
                 sensors=self.sensors, n_bots=self.n_bots, crash=self.crash,
                 range_min=self.range_min, max_steps=self.longest_episode(), noise=amplitudes,
                 autoreset_mode=AutoresetMode.DISABLED if one_episode else AutoresetMode.NEXT_STEP,
@@ -88,14 +87,9 @@ class RacerSimulator(Simulator):
 
     def longest_episode(self) -> int:
         """Return the time limit, in steps."""
-        if self.max_steps is not None:
-            return self.max_steps
-        from repaint_cli.envs.racer.dynamics.car import STEP_SECONDS
-        from repaint_cli.envs.racer.track.files import load_track
+        from repaint_cli.envs.racer.laps import time_limit
 
-        slowest = min(speed for _, speed in self.actions)
-        lap = load_track(self.track).length / (slowest * STEP_SECONDS)
-        return max(LEAST_LIMIT, ceil(1.5 * lap))
+        return self.max_steps or time_limit(self.track, self.actions)
 
     def settled(self) -> Self:
         """Return the settings with the time limit that follows; see `Simulator.settled`."""
@@ -123,6 +117,18 @@ class RacerSimulator(Simulator):
     def records(self) -> tuple[str, ...]:
         """What of the infos of a step is worth keeping, by name."""
         return (*RECORDS, *BOT_RECORDS) if self.n_bots else RECORDS
+
+    def notes(self) -> list[str]:
+        """Return what was mended in the track's file; see `Simulator.notes`."""
+        from repaint_cli.envs.racer.laps import notes_on
+
+        return notes_on(self.track)
+
+    def doubts(self) -> list[str]:
+        """Return whether a lap takes longer than the time limit; see `Simulator.doubts`."""
+        from repaint_cli.envs.racer.laps import doubts_about
+
+        return doubts_about(self.track, self.actions, self.longest_episode())
 
     # The task
 
@@ -194,30 +200,15 @@ class RacerSimulator(Simulator):
 
     def columns(self, episodes: "Episodes", s: int) -> "list[Column]":
         """Return progress, laps, their times and crashes; see `Simulator.columns`."""
-        from repaint_cli.envs.episodes import Column
+        from repaint_cli.envs.racer.laps import columns_of
 
-        progress, status, seconds = episodes.progress, episodes.status, episodes.lap_times
-        assert progress is not None
-        assert status is not None
-        assert seconds is not None
-        return [
-            Column("progress, %", progress[s]),
-            Column("laps", seconds[s], "count"),
-            Column("lap time, s", seconds[s]),
-            Column("crashes, %", 100.0 * (status[s] == STATUS.index("crashed"))),
-        ]
+        return columns_of(episodes, s)
 
     def outcomes(self, episodes: "Episodes") -> dict[str, Any]:
         """Return progress (%), lap times (s) and how episodes ended, as JSON."""
-        progress, status, seconds = episodes.progress, episodes.status, episodes.lap_times
-        assert progress is not None
-        assert status is not None
-        assert seconds is not None
-        return {
-            "progress": progress.tolist(),
-            "lap_times": [[None if isnan(time) else time for time in row] for row in seconds],
-            "status": [[STATUS[int(code)] for code in row] for row in status],
-        }
+        from repaint_cli.envs.racer.laps import outcomes_of
+
+        return outcomes_of(episodes)
 
     # Paths, films, logs
 

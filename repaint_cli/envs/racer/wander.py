@@ -92,7 +92,7 @@ def sample_rewards(
     Raises:
         CardError: the function failed, or [env] is refused.
     """
-    track = load_track(env.track)
+    track = load_track(env.track, env.waypoints)
     try:
         fleet = Fleet(track, N_CARS, env.car, env.longest_episode(), env.n_bots, env.crash)
     except ValueError as error:

@@ -84,13 +84,19 @@ def params_of(car: CarState) -> dict[str, Any]:
 
 def closest_waypoints(road: Track, along: float) -> list[int]:
     """Return the indices of the waypoints before and after an arclength, m."""
-    after = bisect_right(road.distances.tolist(), along)
-    return [after - 1, after if after < len(road.distances) else 0]
+    places = _places(road)
+    after = bisect_right(places, along)
+    return [after - 1, after if after < len(places) else 0]
 
 
 @lru_cache(maxsize=16)
 def _waypoints(road: Track) -> tuple[tuple[float, float], ...]:
-    return tuple((x, y) for x, y in road.centre.tolist())
+    return tuple((x, y) for x, y in road.waypoints[0].tolist())
+
+
+@lru_cache(maxsize=16)
+def _places(road: Track) -> tuple[float, ...]:
+    return tuple(road.waypoints[1].tolist())
 
 
 def _objects(car: CarState, along: float, inner_is_left: bool) -> dict[str, Any]:

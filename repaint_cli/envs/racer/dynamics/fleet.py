@@ -136,10 +136,7 @@ class Fleet:
             for road, own in self._directions.by_road(rows):
                 self.bots.drive(road, own, STEP_SECONDS)
         crashed = self._meet(rows)
-        status = status_of(
-            self._measures, self._progress, self._counters, self._max_steps, crashed,
-            closed=self.track.closed,
-        )  # fmt: skip
+        status = status_of(self._measures, self._progress, self._counters, self._max_steps, crashed)
         self.status[rows] = status[rows]
         return gained
 

@@ -82,12 +82,11 @@ def status_of(
     counters: Counters,
     max_steps: int,
     crashed: NDArray[np.bool_],
-    *,
-    closed: bool = True,
 ) -> NDArray[np.int64]:
     """Return each car's status, (N,): leaving the track outranks the rest, the time limit is last.
 
-    At the end of an open track the road ends too, and coming so far outranks leaving it there.
+    But coming all the way round outranks leaving the track there, as in DeepRacer's logs; at the
+    end of an open track the road ends, too.
 
     Args:
         measures: `geometry.locate`'s answers, (N, 6).
@@ -95,12 +94,11 @@ def status_of(
         counters: of the same cars.
         max_steps: the time limit, steps.
         crashed: whether it hit a bot and that ends the episode, (N,).
-        closed: whether the track is lapped.
     """
     arrived = progress >= 100
     return np.select(
         [
-            (measures[:, WHEELS_ON] == 0) & (closed | ~arrived),
+            (measures[:, WHEELS_ON] == 0) & ~arrived,
             crashed,
             arrived,
             counters.still >= PATIENCE,

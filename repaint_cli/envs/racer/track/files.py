@@ -2,6 +2,7 @@
 
 import os
 from pathlib import Path
+from typing import Literal
 
 from repaint_cli.envs.racer.track.track import Track
 from repaint_cli.errors import CardError, NotFound, reported_as
@@ -9,9 +10,16 @@ from repaint_cli.files.limits import read_bytes
 from repaint_cli.files.npy import NotAnArray, read_npy
 from repaint_cli.files.paths import shipped
 
+Waypoints = Literal["file", "unique"]
+"""How waypoints are numbered: as rows of the file, or without rows that repeat another."""
 
-def load_track(name: str) -> Track:
+
+def load_track(name: str, waypoints: Waypoints = "file") -> Track:
     """Read a shipped track by name, or a file of waypoints (N, 6) by its path (`my-track.npy`).
+
+    Args:
+        name: of the track, or its path.
+        waypoints: how they are numbered.
 
     Raises:
         NotFound: there is no track of this name, or no such file.
@@ -32,7 +40,8 @@ def load_track(name: str) -> Track:
     with reported_as(CardError):
         data = read_bytes(path)
     try:
-        return Track.from_waypoints(read_npy(data, kinds="fiuc"), path.stem)
+        rows = read_npy(data, kinds="fiuc")
+        return Track.from_waypoints(rows, path.stem, unique=waypoints == "unique")
     except NotAnArray as error:
         raise CardError(
             f"expected an array (N, 6) of waypoints, as numpy.save writes it, found none in {path}"

@@ -61,20 +61,38 @@ def ring_holds(ring: np.ndarray, x: float, y: float) -> bool:
 
 
 @kernel
-def crosses_itself(line: np.ndarray) -> bool:
-    """Tell whether two segments of a line properly cross each other."""
-    m = len(line) - 1
+def segments_cross(line: np.ndarray, i: int, j: int) -> bool:
+    """Tell whether segments i and j of a line properly cross each other."""
+    ax, ay, bx, by = line[i, 0], line[i, 1], line[i + 1, 0], line[i + 1, 1]
+    cx, cy, dx, dy = line[j, 0], line[j, 1], line[j + 1, 0], line[j + 1, 1]
+    c_side = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
+    d_side = (bx - ax) * (dy - ay) - (by - ay) * (dx - ax)
+    a_side = (dx - cx) * (ay - cy) - (dy - cy) * (ax - cx)
+    b_side = (dx - cx) * (by - cy) - (dy - cy) * (bx - cx)
+    return bool(c_side * d_side < 0.0 and a_side * b_side < 0.0)
+
+
+@kernel
+def crossings(line: np.ndarray, pairs: np.ndarray) -> int:
+    """Find pairs of segments of a line that properly cross each other.
+
+    Args:
+        line: (M, 2), m.
+        pairs: filled with the numbers i < j of their segments, in that order, (C, 2); at most C are
+            found.
+
+    Returns:
+        how many were found.
+    """
+    m, n = len(line) - 1, 0
     for i in range(m):
-        ax, ay, bx, by = line[i, 0], line[i, 1], line[i + 1, 0], line[i + 1, 1]
         for j in range(i + 2, m):
-            cx, cy, dx, dy = line[j, 0], line[j, 1], line[j + 1, 0], line[j + 1, 1]
-            c_side = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
-            d_side = (bx - ax) * (dy - ay) - (by - ay) * (dx - ax)
-            a_side = (dx - cx) * (ay - cy) - (dy - cy) * (ax - cx)
-            b_side = (dx - cx) * (by - cy) - (dy - cy) * (bx - cx)
-            if c_side * d_side < 0.0 and a_side * b_side < 0.0:
-                return True
-    return False
+            if segments_cross(line, i, j):
+                if n == len(pairs):
+                    return n
+                pairs[n, 0], pairs[n, 1] = i, j
+                n += 1
+    return n
 
 
 @kernel

@@ -56,6 +56,17 @@ def plot_track(track: Track, path: Path, facts: str) -> None:
     style.save(figure, path)
 
 
+def facts_of(track: Track) -> str:
+    """Return how long and wide a track is, and how it is driven, for people."""
+    radius = track.tightest_radius
+    way = "counter-clockwise" if track.ccw else "clockwise"
+    return (
+        f"{track.length:.2f} m long, {track.width:.3f} m wide, "
+        f"{f'driven {way}' if track.closed else 'open'}, "
+        f"{f'tightest radius {radius:.2f} m' if radius < 100 else 'straight'}"
+    )
+
+
 def check_track(file: str) -> CheckedFile:
     """Check a file of waypoints and describe its track.
 
@@ -64,15 +75,10 @@ def check_track(file: str) -> CheckedFile:
         CardError: the file holds no track.
     """
     track = load_track(file)
-    radius = track.tightest_radius
-    way = "counter-clockwise" if track.ccw else "clockwise"
-    facts = (
-        f"{track.length:.2f} m long, {track.width:.3f} m wide, "
-        f"{f'driven {way}' if track.closed else 'open'}, "
-        f"{f'tightest radius {radius:.2f} m' if radius < 100 else 'straight'}"
-    )
+    facts = facts_of(track)
     picture = Path(f"{track.name}.png")
     return CheckedFile(
         track.name, facts, picture, lambda: plot_track(track, picture, facts),
         command("repaint train-teacher --task racer-inner --set {}", f"env.track={file}"),
+        track.note,
     )  # fmt: skip

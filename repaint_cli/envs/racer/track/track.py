@@ -10,8 +10,15 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from repaint_cli.envs.racer.track.checks import check_lap, check_open_track, checked_rows
+from repaint_cli.envs.racer.track.checks import (
+    Numbers,
+    check_lap,
+    check_open_track,
+    checked_rows,
+    lines_of,
+)
 from repaint_cli.envs.racer.track.geometry import Floats, line_project, road_ring, signed_area
+from repaint_cli.envs.racer.track.repair import repaired
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,27 +41,38 @@ class Track:
     """Median distance between the borders, m."""
     ccw: bool
     """Whether the inner border is on the left: a lap then runs counter-clockwise."""
+    repeats: Numbers
+    """How many waypoints each centre point is, (M,): some files hold a row twice."""
     closed: bool = True
     """Whether the end is the start; an open track is driven from one end to the other."""
+    note: str = ""
+    """What was mended in its rows, for people; "" where nothing was."""
 
     @classmethod
-    def from_waypoints(cls, waypoints: np.ndarray, name: str) -> "Track":
+    def from_waypoints(cls, waypoints: np.ndarray, name: str, *, unique: bool = False) -> "Track":
         """Build a track from rows of (centre x, y, inner x, y, outer x, y), (N, 6), m.
 
-        The last row of a lap repeats the first; otherwise the track is open. Rows that repeat their
-        predecessor are dropped.
+        The last row of a lap repeats the first; otherwise the track is open. A lap that is nearly
+        closed is closed, and small loops of its borders are cut; see `repair`.
+
+        Args:
+            waypoints: the rows.
+            name: of the track.
+            unique: whether rows that repeat their predecessor are no waypoints of their own.
 
         Raises:
             ValueError: the rows have another shape, hold numbers that are not finite, are too few
                 or too many, or their lines cross or do not enclose a road.
         """
-        rows = checked_rows(waypoints, name)
-        centre, inner, outer = (np.ascontiguousarray(rows[:, k : k + 2]) for k in (0, 2, 4))
+        rows, numbers, note = repaired(*checked_rows(waypoints, name), name)
+        centre, inner, outer = lines_of(rows)
         closed = bool((rows[0] == rows[-1]).all())
-        (check_lap if closed else check_open_track)(centre, inner, outer, f"track '{name}'")
+        (check_lap if closed else check_open_track)(rows, numbers, f"track '{name}'")
         steps = np.hypot(*np.diff(centre, axis=0).T)  # (M-1,)
         distances = np.concatenate([[0.0], np.cumsum(steps)])
-        for array in (centre, inner, outer, distances):
+        n_waypoints = max(len(waypoints), int(numbers[-1]) + 1)
+        repeats = np.ones_like(numbers) if unique else np.diff(numbers, append=n_waypoints)
+        for array in (centre, inner, outer, distances, repeats):
             array.flags.writeable = False
         return cls(
             name=name,
@@ -65,7 +83,9 @@ class Track:
             length=float(distances[-1]),
             width=_median_width(centre, inner, outer),
             ccw=signed_area(centre if closed else road_ring(outer, inner)) > 0,
+            repeats=repeats,
             closed=closed,
+            note=note,
         )
 
     @property
@@ -98,11 +118,13 @@ class Track:
         turned = (np.ascontiguousarray(r[::-1]) for r in (self.centre, self.inner, self.outer))
         centre, inner, outer = turned
         distances = np.ascontiguousarray(self.length - self.distances[::-1])
-        for array in (centre, inner, outer, distances):
+        repeats = np.ascontiguousarray(self.repeats[::-1])
+        for array in (centre, inner, outer, distances, repeats):
             array.flags.writeable = False
         return replace(
-            self, centre=centre, inner=inner, outer=outer, distances=distances, ccw=not self.ccw
-        )
+            self, centre=centre, inner=inner, outer=outer, distances=distances, repeats=repeats,
+            ccw=not self.ccw,
+        )  # fmt: skip
 
     def pose_at(self, lap_fraction: Floats) -> tuple[Floats, Floats]:
         """Return the points at these fractions of the lap.
@@ -122,10 +144,19 @@ class Track:
         share = (along - self.distances[i]) / (self.distances[i + 1] - self.distances[i])
         return self.centre[i] + share[..., None] * step, np.arctan2(step[..., 1], step[..., 0])
 
+    @cached_property
+    def waypoints(self) -> tuple[Floats, Floats]:
+        """The waypoints in driving order, (W, 2), m, and their arclengths, (W,), m."""
+        return np.repeat(self.centre, self.repeats, axis=0), np.repeat(self.distances, self.repeats)
+
     def nearest_waypoint(self, along: Floats) -> NDArray[np.int64]:
-        """Return the index of the waypoint nearest to arclengths (m) from the start, any shape."""
-        after = np.clip(np.searchsorted(self.distances, along), 1, len(self.distances) - 1)
-        here, ahead = along - self.distances[after - 1], self.distances[after] - along
+        """Return the index of the waypoint nearest to arclengths (m) from the start, any shape.
+
+        Of two in one place it is the nearer by index, as in DeepRacer.
+        """
+        _, places = self.waypoints
+        after = np.clip(np.searchsorted(places, along, side="right"), 1, len(places) - 1)
+        here, ahead = along - places[after - 1], places[after] - along
         return np.where(here <= ahead, after - 1, after)
 
     def __eq__(self, other: object) -> bool:
@@ -135,8 +166,10 @@ class Track:
         return hash(self._key)
 
     @property
-    def _key(self) -> tuple[str, bytes, bytes, bytes]:
-        return self.name, self.centre.tobytes(), self.inner.tobytes(), self.outer.tobytes()
+    def _key(self) -> tuple[str, bytes, bytes, bytes, bytes]:
+        arrays = (self.centre, self.inner, self.outer, self.repeats)
+        centre, inner, outer, repeats = (array.tobytes() for array in arrays)
+        return self.name, centre, inner, outer, repeats
 
 
 def _median_width(centre: Floats, inner: Floats, outer: Floats) -> float:
