@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from math import floor, log10
 from typing import Any
 
 import gymnasium
@@ -19,10 +20,13 @@ from repaint_cli.learn.seeding import Purpose, generator
 from repaint_cli.policies.networks import ActorCritic
 from repaint_cli.policies.spaces import Spaces, by_name
 from repaint_cli.tasks.card import TaskCard
+from repaint_cli.tasks.task import FUNCTION, SCALE, Task
 
 EPISODES = 4
 LARGE_RETURN = 1e4
 """From here on a critic learns slowly."""
+GOOD_RETURN = 100.0
+"""About what a scale is to make of a larger one."""
 MOSTLY = 0.9
 """The share of actions that may be out of bounds."""
 LITTLE = 0.25
@@ -90,7 +94,7 @@ def _play(card: TaskCard, check: TaskCheck) -> None:
     check.returns = (rollout.rewards * valid).sum(0).ravel().tolist()
     means = rollout.reward_terms[valid].mean(0).tolist()
     check.mean_terms = dict(zip(env.names, means, strict=True))
-    check.warnings += _oddities(env, rollout, [] if check.errors else check.returns)
+    check.warnings += _oddities(env, rollout, [] if check.errors else check.returns, card)
     if line := narrow_features(student.normalizer):
         check.warnings.append(line)
 
@@ -184,7 +188,9 @@ class _Noted(Output):
         return [*self._warnings, *prints]
 
 
-def _oddities(env: RewardTerms, rollout: Rollout, returns: list[float]) -> Iterator[str]:
+def _oddities(
+    env: RewardTerms, rollout: Rollout, returns: list[float], task: Task
+) -> Iterator[str]:
     """Yield what is odd in actions, observations and returns, where those are known."""
     observations, actions = env.single_observation_space, env.single_action_space
     if isinstance(actions, gymnasium.spaces.Box):
@@ -198,11 +204,12 @@ def _oddities(env: RewardTerms, rollout: Rollout, returns: list[float]) -> Itera
             )
     if not returns:
         return
-    if np.abs(returns).max() > LARGE_RETURN:
-        yield (
-            f"returns of {np.abs(returns).max():.2g} are large, and a critic learns them slowly; "
-            "smaller weights in [reward] help"
-        )
+    if (largest := float(np.abs(returns).max())) > LARGE_RETURN:
+        help_ = "smaller weights in [reward] help"
+        if task.reward_code:
+            wanted = task.reward[FUNCTION] * 10.0 ** -floor(log10(largest / GOOD_RETURN))
+            help_ = f"in [reward], {SCALE} = {wanted:.0e} beside the function helps"
+        yield f"returns of {largest:.2g} are large, and a critic learns them slowly; {help_}"
     if np.ptp(returns) == 0:
         yield (
             f"all {len(returns)} episodes return {returns[0]:.4g}: nothing tells a better action "

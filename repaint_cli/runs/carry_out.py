@@ -91,6 +91,7 @@ def carry_out(
     ):
         track, notices = trackers_of(experiment.plan.files, track)
         experiment.notices += notices
+        experiment.prints = prints
         remember(experiment.plan.folder)
         watcher.begin(experiment)
         ended_by = _train(experiment, watcher, prints, track)

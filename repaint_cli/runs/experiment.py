@@ -10,6 +10,7 @@ import numpy as np
 from repaint_cli.activity import doing
 from repaint_cli.envs.episodes import Episodes
 from repaint_cli.envs.logs import EpisodeLog
+from repaint_cli.envs.output import PrintsInFile
 from repaint_cli.errors import RepaintError, StoreError, locate_divergence
 from repaint_cli.files.provenance import versions
 from repaint_cli.kernels import training_clock
@@ -64,6 +65,8 @@ class Experiment:
     """Warnings for whoever began or resumed the run."""
     newest_alarms: list[Alarm] = field(default_factory=list)
     """What looked wrong in the last iteration."""
+    prints: PrintsInFile = field(default_factory=PrintsInFile)
+    """What environments have printed meanwhile."""
     _logs: list[EpisodeLog] = field(default_factory=list)
 
     @classmethod

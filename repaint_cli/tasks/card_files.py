@@ -16,6 +16,7 @@ from repaint_cli.files.commands import command
 from repaint_cli.files.limits import read_text, read_toml
 from repaint_cli.files.paths import shipped_tasks
 from repaint_cli.tasks.card import TaskCard
+from repaint_cli.tasks.task import FUNCTION, SCALE
 
 ENV_ID = re.compile(r"-v\d+$")
 """How an id of Gymnasium's ends; no shipped task is called so."""
@@ -98,17 +99,24 @@ def _resolve_files(data: dict[str, Any], basis: dict[str, Any], folder: Path) ->
 
 
 def _reward_code(data: dict[str, Any], folder: Path) -> dict[str, Any]:
-    """Return what `[reward] function = "file.py"` stands for: the file's text, and one term."""
-    file = data.get("reward", {}).get("function") if isinstance(data.get("reward"), dict) else None
-    if not isinstance(file, str):
+    """Return what `[reward] function = "file.py"` stands for: the file's text, and one term.
+
+    The term's weight is the `scale` beside it, or 1.
+    """
+    reward = data.get("reward")
+    if not isinstance(reward, dict) or not isinstance(file := reward.get("function"), str):
         return {}
-    if len(data["reward"]) > 1:
-        raise CardError(f"a reward function stands alone: leave out what is beside {file}")
+    if others := sorted(reward.keys() - {"function", SCALE}):
+        raise CardError(
+            f"a reward function stands alone: leave out {others[0]:.60} beside {file}; what it "
+            f"pays can be multiplied, by {SCALE} = 1e-3"
+        )
     del data["reward"]
     path = folder / file
     with reported_as(CardError):
         source = read_text(path)
-    return {"reward": {"function": 1.0}, "reward_code": {"name": path.name, "source": source}}
+    code = {"name": path.name, "source": source}
+    return {"reward": {FUNCTION: reward.get(SCALE, 1.0)}, "reward_code": code}
 
 
 def _merge(base: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:

@@ -30,6 +30,12 @@ if TYPE_CHECKING:
     from repaint_cli.policies.spaces import Spaces
 
 
+FUNCTION = "function"
+"""The reward term that a user's own reward function pays."""
+SCALE = "scale"
+"""What a card calls the weight of that term."""
+
+
 class RewardCode(Settings):
     """A user's own reward function: a file's name and its text."""
 
@@ -72,8 +78,12 @@ class Task(Settings):
     def _code_has_its_simulator(self) -> "Task":
         if self.reward_code and self.env.reward_functions is None:
             raise ValueError("a reward function needs the racer's params: env.simulator = 'racer'")
-        if self.reward_code and list(self.reward) != ["function"]:
+        if self.reward_code and list(self.reward) != [FUNCTION]:
             raise ValueError("a reward function stands alone: leave the other terms out")
+        if self.reward_code and self.reward[FUNCTION] <= 0:
+            raise ValueError(
+                f"a reward function has a {SCALE} above 0, found {self.reward[FUNCTION]:g}"
+            )
         return self
 
     @field_validator("symmetry")
