@@ -105,6 +105,10 @@ class Simulator(Settings, ABC):
 
     # The task
 
+    def notices(self) -> list[str]:
+        """Return a sentence for each setting that means something else than it says."""
+        return []
+
     @property
     def choices(self) -> tuple[Any, ...] | None:
         """What policies choose among, where equal action spaces may mean other things."""

@@ -53,7 +53,7 @@ class TaskCheck:
 
 def check_task(card: TaskCard) -> TaskCheck:
     """Play whole episodes as training begins, and tell all that it would stumble over."""
-    check, output = TaskCheck(), _Noted()
+    check, output = TaskCheck(warnings=card.env.notices()), _Noted()
     with output_to(output):
         try:
             _play(card, check)

@@ -11,7 +11,8 @@ from repaint_cli.zoo.views import hints_of_views
 def notices_of(plan: Plan, teachers: RunTeachers) -> list[str]:
     """Return sentences about a run that is about to begin, or to go on."""
     begun, taught_by = plan.begun is not None, {t.name: t.task.net for t in teachers.cards}
-    notices = schedule_warnings(teachers.target, begun=begun)
+    notices = teachers.target.env.notices()
+    notices += schedule_warnings(teachers.target, begun=begun)
     notices += slowness_warnings(teachers.target.net, taught_by, begun=begun)
     if plan.task.transfer.distill_epochs and not _distils(plan):
         notices.append(

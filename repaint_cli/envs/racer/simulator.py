@@ -1,15 +1,16 @@
 """Our racing simulator with its settings, behind the interface of simulators."""
 
 from contextlib import suppress
-from math import ceil, isnan
+from math import ceil
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
 from pydantic import Field, field_validator
 
 from repaint_cli.envs.checked_file import CheckedFile
+from repaint_cli.envs.racer.actions import beyond_the_car, check_actions
 from repaint_cli.envs.racer.mirror import symmetries_of, unpaired_action
-from repaint_cli.envs.racer.names import BOT_RECORDS, BOT_TERMS, RECORDS, STATUS, TERMS
+from repaint_cli.envs.racer.names import BOT_RECORDS, BOT_TERMS, RECORDS, TERMS
 from repaint_cli.envs.simulator import Simulator
 from repaint_cli.errors import CardError, RepaintError
 from repaint_cli.settings import EvalConfig
@@ -57,6 +58,18 @@ class RacerSimulator(Simulator):
     def _from_any_folder(cls, track: str) -> str:
         """Keep a file's whole path: a run or a teacher is used in other folders too."""
         return str(Path(track).absolute()) if track.endswith(".npy") else track
+
+    @field_validator("actions")
+    @classmethod
+    def _drive_forwards(
+        cls, actions: tuple[tuple[float, float], ...]
+    ) -> tuple[tuple[float, float], ...]:
+        check_actions(actions)
+        return actions
+
+    def notices(self) -> list[str]:
+        """Return which actions are beyond the car; see `Simulator.notices`."""
+        return [line] if (line := beyond_the_car(self.actions)) else []
 
     # Environments
 
@@ -194,30 +207,15 @@ class RacerSimulator(Simulator):
 
     def columns(self, episodes: "Episodes", s: int) -> "list[Column]":
         """Return progress, laps, their times and crashes; see `Simulator.columns`."""
-        from repaint_cli.envs.episodes import Column
+        from repaint_cli.envs.racer.outcomes import columns
 
-        progress, status, seconds = episodes.progress, episodes.status, episodes.lap_times
-        assert progress is not None
-        assert status is not None
-        assert seconds is not None
-        return [
-            Column("progress, %", progress[s]),
-            Column("laps", seconds[s], "count"),
-            Column("lap time, s", seconds[s]),
-            Column("crashes, %", 100.0 * (status[s] == STATUS.index("crashed"))),
-        ]
+        return columns(episodes, s)
 
     def outcomes(self, episodes: "Episodes") -> dict[str, Any]:
         """Return progress (%), lap times (s) and how episodes ended, as JSON."""
-        progress, status, seconds = episodes.progress, episodes.status, episodes.lap_times
-        assert progress is not None
-        assert status is not None
-        assert seconds is not None
-        return {
-            "progress": progress.tolist(),
-            "lap_times": [[None if isnan(time) else time for time in row] for row in seconds],
-            "status": [[STATUS[int(code)] for code in row] for row in status],
-        }
+        from repaint_cli.envs.racer.outcomes import outcomes
+
+        return outcomes(episodes)
 
     # Paths, films, logs
 
