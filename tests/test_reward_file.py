@@ -164,12 +164,15 @@ BROKEN = [
         "def reward_function(on_track, x, y):\n    return 1",
         "one of 3 arguments as before 2019",
     ),
-    ("def reward_function(params):\n    return None", "within ±100,000 .* found None at step 1"),
+    ("def reward_function(params):\n    return None", "within ±100,000 .* found None .at step 1"),
     (
         "def reward_function(params):\n    return float('nan')",
-        "found nan at step 1 of",
+        "found nan .at step 1 of",
     ),
-    ("\ndef reward_function(params):\n    return 100001", "reward.py:2: .* found 100001 at step 1"),
+    (
+        "\ndef reward_function(params):\n    return 100001",
+        "reward.py:2: .* found 100001 .at step 1",
+    ),
 ]
 
 

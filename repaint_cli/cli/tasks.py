@@ -203,6 +203,8 @@ def _check_card(card: "TaskCard") -> None:
         f"{card.name} is sound: {checked.spaces}; {n_episodes} episodes of a first policy have "
         f"{checked.n_steps / n_episodes:.4g} steps on average; reward terms of a step: {terms}"
     )
+    for fact in checked.facts:
+        print(plain(fact))
 
 
 @tasks.command(cls=HelpPage)

@@ -5,9 +5,12 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
+from repaint_cli.errors import RewardFailed
 
 if TYPE_CHECKING:
     from repaint_cli.envs.simulator import Environments
@@ -15,6 +18,18 @@ if TYPE_CHECKING:
 
 Functions = list[Callable[[dict[str, Any], int], float]]
 """A user's function for each copy of an environment, with variables of its own."""
+
+
+@dataclass
+class FunctionCheck:
+    """What came of trying a user's function in states of all kinds."""
+
+    errors: list[RewardFailed] = field(default_factory=list)
+    """How it fails, each way once."""
+    warnings: list[str] = field(default_factory=list)
+    """What training stumbles over."""
+    facts: list[str] = field(default_factory=list)
+    """What it pays, and what it takes, for people."""
 
 
 class RewardFunctions(ABC):
@@ -44,3 +59,11 @@ class RewardFunctions(ABC):
         Raises:
             CardError: the function failed.
         """
+
+    def check(self, name: str, source: str) -> FunctionCheck:
+        """Try the function in states of all kinds that training may meet; a simulator may do more.
+
+        Raises:
+            CardError: the text does not run or has no such function.
+        """
+        return FunctionCheck()

@@ -1,17 +1,17 @@
 """Whole episodes of a task with the policy that training begins with, and what is odd in them."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field
 from math import floor, log10
-from typing import Any
 
 import gymnasium
 import numpy as np
 
 from repaint_cli.envs.output import Output, output_to
-from repaint_cli.envs.reward_terms import OWN_REWARD, RewardTerms, numbers_in
-from repaint_cli.errors import CardError, DivergedError, RepaintError
-from repaint_cli.learn.evaluation import never_reported
+from repaint_cli.envs.reward_terms import RewardTerms
+from repaint_cli.errors import CardError, RepaintError, RewardFailed
+from repaint_cli.learn.checked_terms import CheckedTerms
 from repaint_cli.learn.learner import Learner
 from repaint_cli.learn.observed import narrow_features
 from repaint_cli.learn.rollout.collect import collect, start
@@ -49,18 +49,38 @@ class TaskCheck:
     """What training ends with."""
     warnings: list[str] = field(default_factory=list)
     """What else training stumbles over."""
+    facts: list[str] = field(default_factory=list)
+    """What is good to know besides."""
 
 
 def check_task(card: TaskCard) -> TaskCheck:
     """Play whole episodes as training begins, and tell all that it would stumble over."""
     check, output = TaskCheck(warnings=card.env.notices()), _Noted()
     with output_to(output):
+        _drive(card, check)
         try:
             _play(card, check)
         except RepaintError as error:
-            check.errors.append(error)
+            if not isinstance(error, RewardFailed) or error.place not in _places(check):
+                check.errors.append(error)
     check.warnings += output.lines()
     return check
+
+
+def _drive(card: TaskCard, check: TaskCheck) -> None:
+    """Try a user's reward function in more than a first policy meets."""
+    code, kind = card.reward_code, card.env.reward_functions
+    if code and kind:
+        with suppress(RepaintError):  # of the card, which playing comes upon, too
+            tried = kind.check(code.name, code.source)
+            check.errors += tried.errors
+            check.warnings += tried.warnings
+            check.facts += tried.facts
+
+
+def _places(check: TaskCheck) -> set[str]:
+    """Return the places where a reward function is known to fail."""
+    return {error.place for error in check.errors if isinstance(error, RewardFailed)}
 
 
 def _play(card: TaskCard, check: TaskCheck) -> None:
@@ -82,12 +102,14 @@ def _play(card: TaskCard, check: TaskCheck) -> None:
     student = ActorCritic(check.spaces, card.net, 1)
     learner = Learner.fresh(student, [0], card.ppo.learning_rate)
     made, obs = start(card, [0], EPISODES, Purpose.TRAIN, 1, one_episode=True)
-    env = _CheckedTerms(made.env, card.reward, card.env.records)
+    env = CheckedTerms(made.env, card.reward, card.env.records)
     try:
         rollout = collect(env, obs, student.policy, [generator(0, Purpose.ACT, 1)])
     finally:
         env.close()
-        env.conclude(check)
+        errors, warnings = env.conclude()
+        check.errors += errors
+        check.warnings += warnings
     learner.update_normalizer(rollout)
     valid = rollout.valid
     check.n_steps = int(valid.sum())
@@ -97,67 +119,6 @@ def _play(card: TaskCard, check: TaskCheck) -> None:
     check.warnings += _oddities(env, rollout, [] if check.errors else check.returns, card)
     if line := narrow_features(student.normalizer):
         check.warnings.append(line)
-
-
-class _CheckedTerms(RewardTerms):
-    """Reward terms of environments that note what is wrong with one, and go on with 0 of it."""
-
-    def __init__(self, env: Any, weights: dict[str, float], records: Sequence[str]) -> None:
-        super().__init__(env, weights, records)
-        self.n_acted = 0
-        self.errors: dict[str, RepaintError] = {}
-        """By the name of the term."""
-        self._steps = np.zeros(env.num_envs, int)  # of each environment's episode
-        self._n_reports = dict.fromkeys(weights, 0)
-        self._first_absence: dict[str, int] = {}
-        self._numbers_seen: set[str] = set()
-
-    def step(self, actions: Any) -> tuple[Any, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
-        """Advance every environment by one step, and look at what it reports."""
-        acting = ~self._ended
-        self._steps = np.where(acting, self._steps + 1, 0)
-        obs, _, terminated, truncated, info = super().step(actions)
-        self.n_acted += int(acting.sum())
-        self._numbers_seen |= {*numbers_in(info)} - self.unreported
-        for column, name in enumerate(self.names):
-            self._count(name, info, acting)
-            terms = info["reward_terms"][:, column]
-            if not np.isfinite(terms).all():
-                n = int(np.argmin(np.isfinite(terms)))
-                problem = f"the reward term '{name}' is {terms[n]} in step {self._steps[n]}"
-                self.errors.setdefault(name, DivergedError(f"{problem} of an episode"))
-                terms[~np.isfinite(terms)] = 0
-        return obs, info["reward_terms"] @ self.weights, terminated, truncated, info
-
-    def _count(self, name: str, info: Mapping[str, Any], acting: np.ndarray) -> None:
-        absent = acting
-        if name in info:
-            mask = True if name == OWN_REWARD else info.get(f"_{name}", True)
-            absent = acting & ~np.broadcast_to(mask, acting.shape)
-        self._n_reports[name] += int((acting & ~absent).sum())
-        if absent.any():
-            self._first_absence.setdefault(name, int(self._steps[absent].min()))
-
-    def _numbers(self, info: Mapping[str, Any], name: str) -> np.ndarray:
-        try:
-            return super()._numbers(info, name)
-        except CardError as error:
-            self.errors.setdefault(name, error)
-            return np.zeros(self.num_envs)
-
-    def conclude(self, check: TaskCheck) -> None:
-        """Add what was noted."""
-        check.errors += self.errors.values()
-        missing = self.unreported if self.n_acted else set()
-        if missing:
-            check.errors.append(never_reported(missing, self._numbers_seen, self.n_acted))
-        for name, t in self._first_absence.items():
-            if name not in missing:
-                share = 100 - 100 * self._n_reports[name] / self.n_acted
-                check.warnings.append(
-                    f"the reward term '{name}' is left out in {share:.2g} % of the steps, first in "
-                    f"step {t} of an episode, and counts as 0 there"
-                )
 
 
 class _Noted(Output):
