@@ -140,6 +140,7 @@ def test_a_text_that_does_not_run_is_said_once(repaint, home):
         ("marked", 0, "marked is sound"),
         ("speed_table", 0, "speed_table is sound"),
         ("beyond", 0, "-45° becomes -30° in action 0, 6 m/s becomes 4 m/s in action 1"),
+        ("second", 0, "second.py remembers, as its variables change: seen; they last as long as"),
         ("talks", 0, "prints 1 line a call"),
     ],
 )

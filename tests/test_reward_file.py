@@ -113,9 +113,10 @@ def test_variables_last_from_iteration_to_iteration_and_begin_anew_at_a_resume(r
     rows = rows_of(home / "run")
     for name in ("episode_return", "eval_return"):  # each copy plays an episode an iteration
         assert [float(row[name]) for row in rows] == pytest.approx([6.0, 12.0])
-    assert "begin anew" not in said.out
+    assert "begin" not in said.out
     said = repaint("train-teacher", "--resume", "run", "--iterations", 3)
-    assert "warning: the variables of reward.py begin anew; if it remembers" in said.out
+    line = "warning: reward.py remembers, as its variables episodes change, and they begin anew: "
+    assert line + "from here on this is another run than one without a stop" in said.out
     rows = rows_of(home / "run")
     assert float(rows[2]["eval_return"]) == pytest.approx(6.0)
 
@@ -290,3 +291,26 @@ def test_a_run_learns_from_what_is_scaled_and_logs_what_was_paid(repaint, mine, 
     said = repaint("eval", "run")
     assert "reward.py paid 1.2e+05 an episode; the return is 0.001 × that" in said.out
     assert "0.001 × the function in reward.py" in repaint("zoo", "show", "mine").out
+
+
+def test_a_function_that_keeps_nothing_is_resumed_without_a_word(repaint, mine):
+    repaint("train-teacher", "--task", mine, "--run", "run")
+    said = repaint("train-teacher", "--resume", "run", "--iterations", 2)
+    assert said.code == 0, said.err
+    assert "remembers" not in said.out
+
+
+def test_the_check_names_what_is_kept(repaint, mine, home):
+    (home / "reward.py").write_text(EPISODES)
+    line = repaint("tasks", "check", mine).out.splitlines()[-1]
+    assert line.startswith("reward.py remembers, as its variables change: episodes; they last as ")
+
+
+SPEEDS = "def reward_function(params):\n    return {0.5: 1.0, 1.0: 2.0}[params['speed']]\n"
+
+
+def test_a_table_of_listed_speeds_pays_also_under_noise(repaint, mine, home):
+    (home / "reward.py").write_text(SPEEDS)
+    assert repaint("train-teacher", "--task", mine, "--run", "run").code == 0
+    said = repaint("eval", "run", "--noise", "paper", "--set", "eval.action_noise=0.5")
+    assert said.code == 0, said.err

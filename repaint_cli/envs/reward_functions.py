@@ -4,7 +4,6 @@
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -16,8 +15,20 @@ if TYPE_CHECKING:
     from repaint_cli.envs.simulator import Environments
 
 
-Functions = list[Callable[[dict[str, Any], int], float]]
-"""A user's function for each copy of an environment, with variables of its own."""
+class UserFunction(ABC):
+    """A user's function with variables of its own."""
+
+    @abstractmethod
+    def __call__(self, params: dict[str, Any], row: int) -> float:
+        """Return what it pays environment `row` for a step."""
+
+    def remembers(self) -> list[str]:
+        """Return the names of its variables that have changed since it was made."""
+        return []
+
+
+Functions = list[UserFunction]
+"""One for each copy of an environment."""
 
 
 @dataclass

@@ -20,7 +20,7 @@ from repaint_cli.envs.racer.track.files import load_track
 from repaint_cli.envs.racer.track.geometry import Floats
 from repaint_cli.envs.racer.wander import EXPLORATION, STEPS_PER_AIM, nearest, steering_to
 from repaint_cli.envs.reward_functions import FunctionCheck
-from repaint_cli.errors import CardError, RewardFailed
+from repaint_cli.errors import CardError, RewardFailed, some
 
 N_CARS, N_STEPS = 64, 200
 """Of those that wander."""
@@ -149,6 +149,11 @@ def check_function(env: RacerSimulator, name: str, source: str) -> FunctionCheck
     check = FunctionCheck(errors=list(failed.values()), warnings=list(heard.warnings))
     if not failed:
         _describe(check, name, paid, seconds / len(paid), heard.n_lines, drive.n_laps)
+        if changed := functions[0].remembers():
+            check.facts.append(
+                f"{name} remembers, as its variables change: {some(changed)}; they last as long as "
+                "a training, for each car of its own, and begin anew where a run is resumed"
+            )
     return check
 
 

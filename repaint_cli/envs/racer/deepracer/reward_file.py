@@ -13,7 +13,8 @@ import numpy as np
 from gymnasium.vector import AutoresetMode, VectorWrapper
 
 from repaint_cli import interruption
-from repaint_cli.envs.reward_functions import Functions
+from repaint_cli.envs.racer.deepracer.memory import fingerprints
+from repaint_cli.envs.reward_functions import Functions, UserFunction
 from repaint_cli.errors import CardError, RewardFailed
 
 TERM = "function"
@@ -30,13 +31,15 @@ TELLING = (
 )  # fmt: skip
 """The keys of `params` that are told where a function fails: those without long lists."""
 MOST_TOLD = 8
+MODULE = "reward_function"
+"""What DeepRacer calls the module, whatever the file is called."""
 
 
 def _short(value: Any) -> str:
     return f"{value:.6g}" if isinstance(value, float) else f"{value!s:.40}"
 
 
-class RewardFunction:
+class RewardFunction(UserFunction):
     """A copy of a user's module and its function."""
 
     def __init__(self, name: str, source: str) -> None:
@@ -50,7 +53,7 @@ class RewardFunction:
             CardError: the module does not run, or has no `reward_function(params)`.
         """
         self._name = name
-        module: dict[str, Any] = {"__name__": "reward_function", "__file__": name}
+        module: dict[str, Any] = {"__name__": MODULE, "__file__": name}
         try:
             exec(compile(source, name, "exec"), module)
         except (Exception, SystemExit) as error:
@@ -67,7 +70,8 @@ class RewardFunction:
                 f"{name}: expected reward_function(params), found one of {len(places)} "
                 "arguments as before 2019; take what it needs from the dictionary params"
             )
-        self._function = function
+        self._function, self._module = function, module
+        self._at_first = fingerprints(module, MODULE)
         self._telling = [name for name in TELLING if re.search(rf"['\"]{name}['\"]", source)]
         self._line = getattr(getattr(function, "__code__", None), "co_firstlineno", 1)
 
@@ -92,6 +96,11 @@ class RewardFunction:
             place = f"{self._name}:{self._line}: {problem} {paid!r:.100}"
             raise RewardFailed(place, self._moment(params, row))
         return number
+
+    def remembers(self) -> list[str]:
+        """Return the names of the module's variables that have changed; see `UserFunction`."""
+        now = fingerprints(self._module, MODULE)
+        return sorted(name for name in now if now[name] != self._at_first.get(name))
 
     def _moment(self, params: dict[str, Any], row: int) -> str:
         """Return the step, and what `params` said of it in the keys that the function names."""
