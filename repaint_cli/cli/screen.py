@@ -9,7 +9,7 @@ from repaint_cli.cli.console import literal
 from repaint_cli.cli.live import Pace, live
 from repaint_cli.cli.printing import out, print_written
 from repaint_cli.envs.output import PrintsInFile
-from repaint_cli.errors import OutputError, RepaintError, StoreError, Terminated
+from repaint_cli.errors import OutputError, RepaintError, RewardFailed, StoreError, Terminated
 from repaint_cli.files.commands import command
 from repaint_cli.kernels import compiling, training_clock
 from repaint_cli.runs.carry_out import TrainedRun, Watcher
@@ -83,8 +83,12 @@ class Screen(Watcher):
             self._numbers = ""
         if isinstance(cause, KeyboardInterrupt | Terminated):
             out.print(f"interrupted after iteration {experiment.learner.iteration}")
+        if isinstance(cause, RewardFailed):
+            k, file = experiment.learner.iteration, experiment.record.reward_file
+            kept = f"iteration {k} is the last, and kept" if k else "no iteration is done"
+            out.print(literal(f"the reward function failed: {kept}; mend {file} and go on"))
         goes_on = cause is None or (
-            isinstance(cause, KeyboardInterrupt) and experiment.learner.iteration > 0
+            isinstance(cause, KeyboardInterrupt | RewardFailed) and experiment.learner.iteration > 0
         )
         self._training = not goes_on
         if not goes_on:
@@ -120,7 +124,8 @@ class Screen(Watcher):
                 raise
             raise OutputError(f"{error}; go on with: {self._unfinished.resume_command}") from error
         except BaseException as error:
-            ended = not isinstance(error, RepaintError) or isinstance(error, StoreError)
+            ended = not isinstance(error, RepaintError)
+            ended = ended or isinstance(error, StoreError | RewardFailed)
             if self._unfinished and ended:  # others are of the task or its numbers, and come again
                 hint = "next:" if self._training else "not all is drawn and kept; next:"
                 out.print(f"{hint} [bold]{literal(self._unfinished.resume_command)}[/bold]")

@@ -221,10 +221,11 @@ def trust(
         repaint tasks trust downloaded-run --yes
     """
     from repaint_cli.cli.console import confirm, plain
+    from repaint_cli.runs.mended import mended_task
     from repaint_cli.runs.reader import read_run
     from repaint_cli.tasks import trust
 
-    task = read_run(run).task
+    task = mended_task(read_run(run))
     code = task.code_at_risk()
     if code is None:
         print("nothing to allow: it brings no code along")

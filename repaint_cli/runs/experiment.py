@@ -11,7 +11,7 @@ from repaint_cli.activity import doing
 from repaint_cli.envs.episodes import Episodes
 from repaint_cli.envs.logs import EpisodeLog
 from repaint_cli.envs.output import PrintsInFile
-from repaint_cli.errors import RepaintError, StoreError, locate_divergence
+from repaint_cli.errors import RepaintError, RewardFailed, StoreError, locate_divergence
 from repaint_cli.files.provenance import versions
 from repaint_cli.kernels import training_clock
 from repaint_cli.learn import ppo, q_learning
@@ -91,6 +91,8 @@ class Experiment:
         experiment.notices += [*progress.notices, *record.go_on_with(versions())]
         experiment.notices += experiment.learner.bring_streams_back(experiment.card)
         experiment.notices += forgotten(experiment.card, progress)
+        experiment.notices += plan.said
+        record.mended += [k] if plan.mended else []
         if k:  # else it begins anew, after what teachers played
             experiment.progress = progress
         return experiment
@@ -156,6 +158,9 @@ class Experiment:
                 self.save(report)
                 yield report
             outcome = "finished"
+        except RewardFailed as error:
+            self.record.failure = str(error)
+            raise
         finally:
             self.progress.seconds = training_clock() - started
             if outcome != "finished":

@@ -107,6 +107,8 @@ class TaskCard(Recipe, Task, Titled):
             if section not in _sections(data) or (section != "reward" and path not in known):
                 raise self._no_setting(path, known)
             data[section][key] = _toml_value(value)
+        if self.reward_code:  # with its file, which is not dumped
+            data["reward_code"] = self.reward_code
         return TaskCard.parse(data, f"task '{self.name}'") if settings else self
 
     def _no_setting(self, path: str, known: list[str]) -> NotFound:

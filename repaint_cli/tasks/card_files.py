@@ -143,7 +143,7 @@ def _reward_code(data: dict[str, Any], folder: Path) -> dict[str, Any]:
     path = folder / file
     with reported_as(CardError):
         source = read_text(path)
-    code = {"name": path.name, "source": source}
+    code = {"name": path.name, "source": source, "file": str(path.absolute())}
     return {"reward": {FUNCTION: reward.get(SCALE, 1.0)}, "reward_code": code}
 
 

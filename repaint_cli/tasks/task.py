@@ -43,6 +43,17 @@ class RewardCode(Settings):
     """What the file is called."""
     source: str
     """Python, with `def reward_function(params)`."""
+    file: str | None = Field(None, exclude=True)
+    """Where it was read, which makes no difference, and which no card or teacher tells."""
+
+    def __eq__(self, other: object) -> bool:
+        """Return whether both have the same text under the same name."""
+        if not isinstance(other, RewardCode):
+            return NotImplemented
+        return (self.name, self.source) == (other.name, other.source)
+
+    def __hash__(self) -> int:
+        return hash((self.name, self.source))
 
 
 def _by_its_class(env: Any) -> Any:
