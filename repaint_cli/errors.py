@@ -7,6 +7,7 @@ RepaintError                1   anything the program can explain in a line
 ├── UsageError              2   an option is malformed, missing, or not for what it is given with
 │   └── NotFound                an unknown task, teacher, run, method or setting
 ├── CardError               3   a card, a setting or an environment is not as it must be
+│   └── RewardFailed            a user's reward function failed in a step
 ├── TeacherMismatch         4   a teacher and a task do not fit
 ├── CheckpointError         5   a weights file is absent, damaged, or of another shape
 ├── DivergedError           6   a loss, a weight or an observation is not finite
@@ -57,6 +58,15 @@ class CardError(RepaintError):
     """A card, a setting or an environment is not as it must be."""
 
     exit_code = 3
+
+
+class RewardFailed(CardError):
+    """A user's reward function failed in a step, or paid what is no reward."""
+
+    def __init__(self, place: str, moment: str = "") -> None:
+        """Say where in the file and why it was, which tells failures apart, and in which step."""
+        super().__init__(f"{place} ({moment})" if moment else place)
+        self.place = place
 
 
 class TeacherMismatch(RepaintError):

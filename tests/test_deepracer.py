@@ -7,7 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from repaint_cli.envs.output import Output, output_to
 from repaint_cli.envs.racer.deepracer.model_files import hyperparameters, read_model_metadata
+from repaint_cli.envs.racer.env import RacerVectorEnv
+from repaint_cli.envs.racer.track.files import load_track
 from repaint_cli.errors import CardError
 from repaint_cli.tasks.card_files import read_task
 
@@ -145,3 +148,99 @@ def test_a_card_that_counts_steps_keeps_counting_them(home):
     assert (ppo.n_episodes, ppo.n_steps, ppo.minibatch_size) == (None, 4000, 128)
     back = hyperparameters(ppo)
     assert not {"num_episodes_between_training", "term_cond_max_episodes"} & back.keys()
+
+
+class Warned(Output):
+    def __init__(self):
+        super().__init__()
+        self.lines = []
+
+    def warns(self, text):
+        self.lines.append(text)
+
+
+def warnings_of(read):
+    warned = Warned()
+    with output_to(warned):
+        read()
+    return warned.lines
+
+
+def test_hyperparameters_that_are_not_read_are_named_with_what_is_done(home):
+    (line,) = warnings_of(lambda: card_with(home, THEIRS))
+    assert line == (
+        "hyperparameters.json: not read: e_greedy_value = 0.05, epsilon_steps = 10000 (actions are "
+        "drawn from the policy); loss_type = huber (the critic's loss is the mean squared error); "
+        "term_cond_avg_score = 100000.0, term_cond_max_episodes = 100000 (ppo.n_iterations says "
+        "when to stop)"
+    )
+    others = {"stack_size": "2", "exploration_type": "e-greedy", "sac_alpha": 0.2}
+    (line,) = warnings_of(lambda: card_with(home, others))
+    assert "stack_size = 2 (a policy sees one image)" in line
+    assert "exploration_type = e-greedy (actions are drawn from the policy)" in line
+    assert "sac_alpha = 0.2 (there is no SAC)" in line
+    own = hyperparameters(read_task("racer-inner").ppo)  # which a run of ours writes
+    del own["term_cond_max_episodes"]
+    assert warnings_of(lambda: card_with(home, own)) == []
+    (line,) = warnings_of(lambda: card_with(home, own, n_steps=4000, n_envs=2))
+    assert "num_episodes_between_training (ppo.n_steps says how long a rollout is)" in line
+
+
+NETWORK = "DEEP_CONVOLUTIONAL_NETWORK"
+
+
+@pytest.mark.parametrize(
+    ("data", "conv", "word"),
+    [
+        ({"neural_network": f"{NETWORK}_SHALLOW"}, None, None),
+        ({"neural_network": NETWORK}, "4-layer", None),
+        ({"neural_network": NETWORK, "sensor": ["STEREO_CAMERAS"]}, "5-layer", None),
+        ({"neural_network": NETWORK}, None, "net.conv, 3-layer; that one is net.conv = '4-layer'"),
+        ({"neural_network": "OTHER"}, None, "OTHER (the network is net.conv, 3-layer)"),
+        ({"training_algorithm": "sac"}, None, "sac (policies are trained with clipped PPO)"),
+        ({"lidar_config": {"num_sectors": 8}}, None, "8} (it has no counterpart)"),
+    ],
+)
+def test_what_model_metadata_says_and_nobody_reads_is_named(home, data, conv, word):
+    rest = {"version": "5", "action_space_type": "discrete"}
+    metadata(home, **({"training_algorithm": "clipped_ppo"} | rest | data))
+    (home / "mine.toml").write_text(
+        'extends = "racer-inner"\n[env]\nmodel_metadata = "model_metadata.json"\n'
+        + (f"[net]\nconv = '{conv}'\n" if conv else "")
+    )
+    lines = warnings_of(lambda: read_task("mine.toml"))
+    assert len(lines) == (word is not None)
+    if word:
+        assert lines[0].startswith("model_metadata.json: not read: ")
+        assert word in lines[0]
+
+
+def card_of_actions(home, *pairs):
+    (home / "mine.toml").write_text(
+        f'extends = "racer-inner"\n[env]\nactions = {json.dumps(pairs)}\nmax_steps = 5\n'
+        "[ppo]\nn_iterations = 1\nn_episodes = 1\n[eval]\nepisodes = 1\n"
+    )
+    return "mine.toml"
+
+
+def test_an_action_beyond_the_car_is_a_warning_with_what_it_becomes(repaint, home):
+    task = card_of_actions(home, (-45, 1), (0, 6), (31, 0.05), (30, 4), (-30, 0.1))
+    line = (
+        "warning: env.actions: the car steers by at most 30° and drives at 0.1 to 4 m/s: -45° "
+        "becomes -30° in action 0, 6 m/s becomes 4 m/s in action 1, 31° becomes 30° and 0.05 m/s "
+        "becomes 0.1 m/s in action 2"
+    )
+    assert line in repaint("tasks", "check", task).out.splitlines()
+    said = repaint("train-teacher", "--task", task)
+    assert said.out.startswith(line)
+    assert "warning: env" not in repaint("tasks", "check", card_of_actions(home, (30, 4))).out
+
+
+@pytest.mark.parametrize("speed", [0, -1.5])
+def test_the_car_drives_forwards(repaint, home, speed):
+    said = repaint("tasks", "check", card_of_actions(home, (0, 1), (0, speed)))
+    assert said.code == CardError.exit_code
+    assert "env.actions: expected speeds above 0 m/s, as the car only drives forwards" in said.err
+    assert f"; action 1 has {speed:g} m/s" in said.err
+    with pytest.raises(ValueError, match="only drives forwards; action 0 has"):
+        RacerVectorEnv(load_track("oval"), 1, actions=[(0, speed)])

@@ -113,9 +113,10 @@ def test_variables_last_from_iteration_to_iteration_and_begin_anew_at_a_resume(r
     rows = rows_of(home / "run")
     for name in ("episode_return", "eval_return"):  # each copy plays an episode an iteration
         assert [float(row[name]) for row in rows] == pytest.approx([6.0, 12.0])
-    assert "begin anew" not in said.out
+    assert "begin" not in said.out
     said = repaint("train-teacher", "--resume", "run", "--iterations", 3)
-    assert "warning: the variables of reward.py begin anew; if it remembers" in said.out
+    line = "warning: reward.py remembers, as its variables episodes change, and they begin anew: "
+    assert line + "from here on this is another run than one without a stop" in said.out
     rows = rows_of(home / "run")
     assert float(rows[2]["eval_return"]) == pytest.approx(6.0)
 
@@ -164,12 +165,15 @@ BROKEN = [
         "def reward_function(on_track, x, y):\n    return 1",
         "one of 3 arguments as before 2019",
     ),
-    ("def reward_function(params):\n    return None", "within ±100,000 .* found None at step 1"),
+    ("def reward_function(params):\n    return None", "within ±100,000 .* found None .at step 1"),
     (
         "def reward_function(params):\n    return float('nan')",
-        "found nan at step 1 of",
+        "found nan .at step 1 of",
     ),
-    ("\ndef reward_function(params):\n    return 100001", "reward.py:2: .* found 100001 at step 1"),
+    (
+        "\ndef reward_function(params):\n    return 100001",
+        "reward.py:2: .* found 100001 .at step 1",
+    ),
 ]
 
 
@@ -215,7 +219,16 @@ def test_the_card_refuses_what_cannot_be(repaint, mine, home):
     (home / "mine.toml").write_text(CARD.replace('"reward.py"', '"none.py"'))
     assert "cannot read none.py: No such file" in repaint("tasks", "check", mine).err
     (home / "mine.toml").write_text(CARD.replace("[net]", "lane = 1\n\n[net]"))
-    assert "a reward function stands alone" in repaint("tasks", "check", mine).err
+    said = repaint("tasks", "check", mine).err
+    assert "a reward function stands alone: leave out lane beside reward.py; what it pays" in said
+    assert "can be multiplied, by scale = 1e-3" in said
+    for scale, found in (("0", "0"), ("-1", "-1")):
+        (home / "mine.toml").write_text(CARD.replace("[net]", f"scale = {scale}\n\n[net]"))
+        said = repaint("tasks", "check", mine)
+        assert (said.code, said.out) == (CardError.exit_code, "")
+        assert found in said.err
+    (home / "mine.toml").write_text(CARD.replace("[net]", "scale = 'small'\n\n[net]"))
+    assert "expected a valid number" in repaint("tasks", "check", mine).err
     (home / "mine.toml").write_text('extends = "reacher"\n[reward]\nfunction = "reward.py"')
     assert "a reward function needs the racer's params" in repaint("tasks", "check", mine).err
 
@@ -225,3 +238,79 @@ def test_two_functions_have_no_cosine(mine, home):
     assert cosine(one, one) == 1
     (home / "reward.py").write_text(COUNTER)
     assert cosine(one, read_task(mine)) is None
+
+
+def test_a_byte_order_mark_is_no_part_of_a_file(repaint, mine, home):
+    """Python reads a module with one; editors put it before cards and JSON, too."""
+    (home / "reward.py").write_text(CENTRE, encoding="utf-8-sig")
+    card = CARD.replace("[env]", '[env]\nmodel_metadata = "actions.json"')
+    (home / "mine.toml").write_text(card, encoding="utf-8-sig")
+    (home / "actions.json").write_text(
+        '{"action_space": [{"steering_angle": 0, "speed": 1}]}', encoding="utf-8-sig"
+    )
+    task = read_task(mine)
+    assert task.reward_code.source == CENTRE
+    assert task.env.actions == ((0, 1),)
+    (home / "reward.py").write_bytes(CENTRE.encode("utf-16"))
+    assert "expected UTF-8, found other bytes" in repaint("tasks", "check", mine).err
+
+
+BIG = "def reward_function(params):\n    print('step', params['steps'])\n    return 2e4\n"
+
+
+def test_a_scale_makes_of_its_pay_a_reward_that_a_critic_learns(repaint, mine, home):
+    (home / "reward.py").write_text(BIG)
+    said = repaint("tasks", "check", mine)
+    assert "warning: returns of 1.2e+05 are large" in said.out
+    assert "in [reward], scale = 1e-03 beside the function helps" in said.out
+    (home / "mine.toml").write_text(CARD.replace("[net]", "scale = 1e-3\n\n[net]"))
+    said = repaint("tasks", "check", mine)
+    assert "are large" not in said.out
+    assert "reward terms of a step: function 2e+04" in said.out  # what the function pays
+    assert read_task(mine).reward == {"function": 1e-3}
+    assert read_task(mine).with_settings(["reward.scale=0.5"]).reward == {"function": 0.5}
+
+
+def test_a_run_learns_from_what_is_scaled_and_logs_what_was_paid(repaint, mine, home):
+    (home / "reward.py").write_text(BIG)
+    (home / "mine.toml").write_text(CARD.replace("[net]", "scale = 1e-3\n\n[net]"))
+    said = repaint("train-teacher", "--task", mine, "--run", "run")
+    assert said.code == 0, said.err
+    (row,) = rows_of(home / "run")
+    assert float(row["episode_return"]) == pytest.approx(6 * 20)
+    assert float(row["eval_return"]) == pytest.approx(6 * 20)
+    (log,) = (home / "run").glob("deepracer/seed-0/training-simtrace/*.csv")
+    paid = {line["reward"] for line in csv.DictReader(log.read_text().splitlines())}
+    assert paid == {"20000"}
+    notes = [line for line in said.out.splitlines() if line.startswith("note: the environment")]
+    first, last = notes
+    printed = (home / "run" / "environment.log").read_text().count("\n")
+    assert re.search("printed [0-9]+ lines so far, such as 'step 1.0', to run/environment", first)
+    assert last == f"note: the environment printed {printed} lines to run/environment.log"
+    assert "step 1" not in said.out.replace(first, "")
+    said = repaint("eval", "run")
+    assert "reward.py paid 1.2e+05 an episode; the return is 0.001 × that" in said.out
+    assert "0.001 × the function in reward.py" in repaint("zoo", "show", "mine").out
+
+
+def test_a_function_that_keeps_nothing_is_resumed_without_a_word(repaint, mine):
+    repaint("train-teacher", "--task", mine, "--run", "run")
+    said = repaint("train-teacher", "--resume", "run", "--iterations", 2)
+    assert said.code == 0, said.err
+    assert "remembers" not in said.out
+
+
+def test_the_check_names_what_is_kept(repaint, mine, home):
+    (home / "reward.py").write_text(EPISODES)
+    line = repaint("tasks", "check", mine).out.splitlines()[-1]
+    assert line.startswith("reward.py remembers, as its variables change: episodes; they last as ")
+
+
+SPEEDS = "def reward_function(params):\n    return {0.5: 1.0, 1.0: 2.0}[params['speed']]\n"
+
+
+def test_a_table_of_listed_speeds_pays_also_under_noise(repaint, mine, home):
+    (home / "reward.py").write_text(SPEEDS)
+    assert repaint("train-teacher", "--task", mine, "--run", "run").code == 0
+    said = repaint("eval", "run", "--noise", "paper", "--set", "eval.action_noise=0.5")
+    assert said.code == 0, said.err

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from repaint_cli.envs.episodes import Episodes
     from repaint_cli.runs.evaluate import Evaluation
     from repaint_cli.runs.find_policies import Policies
+    from repaint_cli.tasks.card import TaskCard
 
 PLAYED = "What to play"
 
@@ -90,6 +91,7 @@ def evaluate(options: EvaluateOptions) -> None:
         repaint eval racer-inner --task racer-outer --episodes 20
     """
     import repaint_cli
+    from repaint_cli.cli.console import literal
     from repaint_cli.cli.episode_table import table
     from repaint_cli.cli.live import live
     from repaint_cli.cli.namesakes import print_notes
@@ -101,6 +103,8 @@ def evaluate(options: EvaluateOptions) -> None:
         out.print(shown, soft_wrap=False)
         if (precision := policies.network.net.precision) != "float32":
             out.print(f"played in {precision} (net.precision)")
+        if paid := _paid(policies.card, episodes):
+            out.print(literal(paid))
 
     check_filmed(options.video_episodes)
     print_notes(options.policy or "")
@@ -133,6 +137,16 @@ def _film(options: EvaluateOptions, evaluation: "Evaluation") -> None:
             print_written(written, following)
             raise
     print_written(written, following)
+
+
+def _paid(card: "TaskCard", episodes: "Episodes") -> str | None:
+    """Return what a reward function paid itself, where the return is a multiple of it."""
+    from repaint_cli.tasks.task import FUNCTION
+
+    if card.reward_code is None or (scale := card.reward[FUNCTION]) == 1:
+        return None
+    paid = f"{episodes.terms.mean():.4g}"
+    return f"{card.reward_code.name} paid {paid} an episode; the return is {scale:g} × that"
 
 
 def _next_command(options: EvaluateOptions, policies: "Policies") -> str:

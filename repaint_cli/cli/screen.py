@@ -8,7 +8,8 @@ from repaint_cli.cli import namesakes
 from repaint_cli.cli.console import literal
 from repaint_cli.cli.live import Pace, live
 from repaint_cli.cli.printing import out, print_written
-from repaint_cli.errors import OutputError, RepaintError, StoreError, Terminated
+from repaint_cli.envs.output import PrintsInFile
+from repaint_cli.errors import OutputError, RepaintError, RewardFailed, StoreError, Terminated
 from repaint_cli.files.commands import command
 from repaint_cli.kernels import compiling, training_clock
 from repaint_cli.runs.carry_out import TrainedRun, Watcher
@@ -29,6 +30,7 @@ class Screen(Watcher):
         self._training = False
         self._numbers, self._total, self._done = "", 0, 0
         self._pace, self._estimated = Pace(training_clock), False
+        self._prints, self._prints_noted = PrintsInFile(), False
 
     def _left(self) -> float | None:
         return self._pace.left(self._total - self._done)
@@ -45,7 +47,7 @@ class Screen(Watcher):
         _print_notes(namesakes.of_used(file.path for file in plan.teachers))
         if plan.teacher_name:
             _print_notes(namesakes.of_planned(plan.teacher_name))
-        self._unfinished, self._training = plan, True
+        self._unfinished, self._training, self._prints = plan, True, experiment.prints
         self._total = plan.task.ppo.n_iterations
         self._pace.begin()
 
@@ -58,6 +60,10 @@ class Screen(Watcher):
             self._estimate()
         for alarm in alarms:
             out.print(f"[yellow]warning:[/yellow] {literal(alarm.text)}")
+        if self._prints.example and not self._prints_noted:
+            self._prints_noted = True
+            example = f"such as '{self._prints.example}'"
+            _print_notes([f"{_printed(self._prints)} so far, {example}, to {self._prints.path}"])
 
     def _estimate(self) -> None:
         """Print once how long the rest takes, where that is worth a line."""
@@ -77,10 +83,21 @@ class Screen(Watcher):
             self._numbers = ""
         if isinstance(cause, KeyboardInterrupt | Terminated):
             out.print(f"interrupted after iteration {experiment.learner.iteration}")
+        if isinstance(cause, RewardFailed):
+            k, file = experiment.learner.iteration, experiment.record.reward_file
+            kept = f"iteration {k} is the last, and kept" if k else "no iteration is done"
+            out.print(literal(f"the reward function failed: {kept}; mend {file} and go on"))
         goes_on = cause is None or (
-            isinstance(cause, KeyboardInterrupt) and experiment.learner.iteration > 0
+            isinstance(cause, KeyboardInterrupt | RewardFailed) and experiment.learner.iteration > 0
         )
         self._training = not goes_on
+        if not goes_on:
+            self._count_prints()
+
+    def _count_prints(self) -> None:
+        """Print how much environments have printed, and where it is."""
+        if self._prints.example:
+            _print_notes([f"{_printed(self._prints)} to {self._prints.path}"])
 
     def finish(self, trained: TrainedRun, interrupted: bool) -> None:
         """Print what was written, and the next command."""
@@ -88,6 +105,7 @@ class Screen(Watcher):
         plan = trained.plan
         for notice in trained.notices:
             out.print(f"[yellow]warning:[/yellow] {literal(notice)}")
+        self._count_prints()
         if trained.teacher:
             _print_notes(namesakes.of_trained(trained.teacher))
         elif plan.teacher_name:
@@ -106,7 +124,8 @@ class Screen(Watcher):
                 raise
             raise OutputError(f"{error}; go on with: {self._unfinished.resume_command}") from error
         except BaseException as error:
-            ended = not isinstance(error, RepaintError) or isinstance(error, StoreError)
+            ended = not isinstance(error, RepaintError)
+            ended = ended or isinstance(error, StoreError | RewardFailed)
             if self._unfinished and ended:  # others are of the task or its numbers, and come again
                 hint = "next:" if self._training else "not all is drawn and kept; next:"
                 out.print(f"{hint} [bold]{literal(self._unfinished.resume_command)}[/bold]")
@@ -116,6 +135,12 @@ class Screen(Watcher):
 def _print_notes(notes: Iterable[str]) -> None:
     for note in notes:
         out.print(f"note: {literal(note)}")
+
+
+def _printed(prints: PrintsInFile) -> str:
+    """Return how much environments, and reward functions in them, have printed."""
+    n = max(1, prints.n_lines)  # a line may be without its end
+    return f"the environment printed {n:,} line{'s' * (n > 1)}"
 
 
 def _decided(plan: Plan) -> str:

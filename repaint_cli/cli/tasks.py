@@ -197,8 +197,6 @@ def _check_card(card: "TaskCard") -> None:
     from repaint_cli.learn.task_check import check_task
 
     checked = check_task(card)
-    for note in checked.notes:
-        print(f"note: {plain(note)}")
     for warning in checked.warnings:
         print(f"warning: {plain(warning)}")
     if checked.errors:
@@ -209,6 +207,8 @@ def _check_card(card: "TaskCard") -> None:
         f"{card.name} is sound: {checked.spaces}; {n_episodes} episodes of a first policy have "
         f"{checked.n_steps / n_episodes:.4g} steps on average; reward terms of a step: {terms}"
     )
+    for note in checked.notes:
+        print(f"note: {plain(note)}")
 
 
 @tasks.command(cls=HelpPage)
@@ -225,10 +225,11 @@ def trust(
         repaint tasks trust downloaded-run --yes
     """
     from repaint_cli.cli.console import confirm, plain
+    from repaint_cli.runs.mended import mended_task
     from repaint_cli.runs.reader import read_run
     from repaint_cli.tasks import trust
 
-    task = read_run(run).task
+    task = mended_task(read_run(run))
     code = task.code_at_risk()
     if code is None:
         print("nothing to allow: it brings no code along")

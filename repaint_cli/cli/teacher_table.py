@@ -4,6 +4,7 @@ from pathlib import Path
 
 from repaint_cli.cli.console import plain
 from repaint_cli.tasks.card import TaskCard
+from repaint_cli.tasks.task import FUNCTION
 from repaint_cli.zoo.store import name_of, whose
 from repaint_cli.zoo.teacher_card import Score, TeacherCard
 
@@ -50,7 +51,8 @@ def _score(score: Score | None) -> str:
 
 def _reward(task: TaskCard) -> str:
     if task.reward_code:
-        return f"the function in {task.reward_code.name}"
+        scale = task.reward[FUNCTION]
+        return f"{f'{scale:g} × ' * (scale != 1)}the function in {task.reward_code.name}"
     text = " + ".join(f"{weight:g} {term}" for term, weight in task.reward.items() if weight)
     return text.replace("+ -", "- ")
 

@@ -21,6 +21,8 @@ class LoggedRun:
     """How many convolutions the policy's camera network has."""
     reward_function: str | None
     """The text of a user's reward function, if that is the reward."""
+    scale: float = 1.0
+    """What its pay is multiplied by before it is a reward; logs hold what it pays."""
 
 
 class EpisodeLog(ABC):

@@ -21,6 +21,8 @@ from repaint_cli.files.atomic import write_errors
 
 SHOWN = 10
 """Different lines of prints that are shown where nobody keeps them, and different warnings."""
+EXAMPLE = 60
+"""Characters of a line that is shown as an example."""
 LARGEST_LOG = 10_000_000
 """Characters of prints that a run keeps."""
 
@@ -57,13 +59,23 @@ class PrintsInFile(Output):
         super().__init__()
         self.path: Path | None = None
         """Of the file; absent while its folder is not there."""
-        self._kept, self._size = list[str](), 0
+        self.n_lines = 0
+        """How many lines were printed, also those beyond what is kept."""
+        self._kept, self._size, self._head = list[str](), 0, ""
 
     def prints(self, text: str) -> None:
-        """Keep what was printed."""
+        """Count and keep what was printed."""
+        self.n_lines += text.count("\n")
+        if len(self._head) < EXAMPLE:
+            self._head = (self._head + text).lstrip()
         if self._size <= LARGEST_LOG:
             self._size += len(text)
             self._kept.append(text if self._size <= LARGEST_LOG else "\n(and so on)\n")
+
+    @property
+    def example(self) -> str:
+        """The beginning of the first line that is not empty; "" where nothing was printed."""
+        return self._head.partition("\n")[0].strip()[:EXAMPLE]
 
     @contextmanager
     def kept_in(self, path: Path | None) -> Iterator[None]:

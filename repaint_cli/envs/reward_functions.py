@@ -4,17 +4,43 @@
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
+from repaint_cli.errors import RewardFailed
 
 if TYPE_CHECKING:
     from repaint_cli.envs.simulator import Environments
 
 
-Functions = list[Callable[[dict[str, Any], int], float]]
-"""A user's function for each copy of an environment, with variables of its own."""
+class UserFunction(ABC):
+    """A user's function with variables of its own."""
+
+    @abstractmethod
+    def __call__(self, params: dict[str, Any], row: int) -> float:
+        """Return what it pays environment `row` for a step."""
+
+    def remembers(self) -> list[str]:
+        """Return the names of its variables that have changed since it was made."""
+        return []
+
+
+Functions = list[UserFunction]
+"""One for each copy of an environment."""
+
+
+@dataclass
+class FunctionCheck:
+    """What came of trying a user's function in states of all kinds."""
+
+    errors: list[RewardFailed] = field(default_factory=list)
+    """How it fails, each way once."""
+    warnings: list[str] = field(default_factory=list)
+    """What training stumbles over."""
+    notes: list[str] = field(default_factory=list)
+    """What it pays, and what it takes, for people."""
 
 
 class RewardFunctions(ABC):
@@ -44,3 +70,11 @@ class RewardFunctions(ABC):
         Raises:
             CardError: the function failed.
         """
+
+    def check(self, name: str, source: str) -> FunctionCheck:
+        """Try the function in states of all kinds that training may meet; a simulator may do more.
+
+        Raises:
+            CardError: the text does not run or has no such function.
+        """
+        return FunctionCheck()

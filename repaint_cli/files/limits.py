@@ -69,13 +69,13 @@ def _too_large(path: Path, size: int, max_bytes: int) -> str:
 
 
 def read_text(path: Path, max_bytes: int = MAX_BYTES) -> str:
-    """Read a small text.
+    """Read a small text; the byte-order mark that some editors put before it is no part of it.
 
     Raises:
         DamagedFile: the file cannot be read, is too large, or is not UTF-8.
     """
     try:
-        return read_bytes(path, max_bytes).decode()
+        return read_bytes(path, max_bytes).decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise DamagedFile(
             f"cannot read {path!s:.500}: expected UTF-8, found other bytes: {error}"

@@ -185,6 +185,11 @@ class Learner:
         """
         return self.functions.setdefault((purpose, n_envs, stream), [])
 
+    def remembered(self) -> list[str]:
+        """Return the variables in which the user's reward functions keep something, by name."""
+        some_of_each = [one for functions in self.functions.values() for one in functions[:2]]
+        return sorted({name for function in some_of_each for name in function.remembers()})
+
     def bring_streams_back(self, card: TaskCard) -> list[str]:
         """Bring the environments of a checkpoint's streams back to where they were.
 

@@ -1,16 +1,17 @@
 """Whole episodes of a task with the policy that training begins with, and what is odd in them."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field
-from typing import Any
+from math import floor, log10
 
 import gymnasium
 import numpy as np
 
 from repaint_cli.envs.output import Output, output_to
-from repaint_cli.envs.reward_terms import OWN_REWARD, RewardTerms, numbers_in
-from repaint_cli.errors import CardError, DivergedError, RepaintError
-from repaint_cli.learn.evaluation import never_reported
+from repaint_cli.envs.reward_terms import RewardTerms
+from repaint_cli.errors import CardError, RepaintError, RewardFailed
+from repaint_cli.learn.checked_terms import CheckedTerms
 from repaint_cli.learn.learner import Learner
 from repaint_cli.learn.observed import narrow_features
 from repaint_cli.learn.rollout.collect import collect, start
@@ -19,10 +20,13 @@ from repaint_cli.learn.seeding import Purpose, generator
 from repaint_cli.policies.networks import ActorCritic
 from repaint_cli.policies.spaces import Spaces, by_name
 from repaint_cli.tasks.card import TaskCard
+from repaint_cli.tasks.task import FUNCTION, SCALE, Task
 
 EPISODES = 4
 LARGE_RETURN = 1e4
 """From here on a critic learns slowly."""
+GOOD_RETURN = 100.0
+"""About what a scale is to make of a larger one."""
 MOSTLY = 0.9
 """The share of actions that may be out of bounds."""
 LITTLE = 0.25
@@ -46,19 +50,37 @@ class TaskCheck:
     warnings: list[str] = field(default_factory=list)
     """What else training stumbles over."""
     notes: list[str] = field(default_factory=list)
-    """What is worth knowing of the files that it reads."""
+    """What is worth knowing besides."""
 
 
 def check_task(card: TaskCard) -> TaskCheck:
     """Play whole episodes as training begins, and tell all that it would stumble over."""
     check, output = TaskCheck(), _Noted()
     with output_to(output):
+        _drive(card, check)
         try:
             _play(card, check)
         except RepaintError as error:
-            check.errors.append(error)
+            if not isinstance(error, RewardFailed) or error.place not in _places(check):
+                check.errors.append(error)
     check.warnings += output.lines()
     return check
+
+
+def _drive(card: TaskCard, check: TaskCheck) -> None:
+    """Try a user's reward function in more than a first policy meets."""
+    code, kind = card.reward_code, card.env.reward_functions
+    if code and kind:
+        with suppress(RepaintError):  # of the card, which playing comes upon, too
+            tried = kind.check(code.name, code.source)
+            check.errors += tried.errors
+            check.warnings += tried.warnings
+            check.notes += tried.notes
+
+
+def _places(check: TaskCheck) -> set[str]:
+    """Return the places where a reward function is known to fail."""
+    return {error.place for error in check.errors if isinstance(error, RewardFailed)}
 
 
 def _play(card: TaskCard, check: TaskCheck) -> None:
@@ -82,82 +104,23 @@ def _play(card: TaskCard, check: TaskCheck) -> None:
     student = ActorCritic(check.spaces, card.net, 1)
     learner = Learner.fresh(student, [0], card.ppo.learning_rate)
     made, obs = start(card, [0], EPISODES, Purpose.TRAIN, 1, one_episode=True)
-    env = _CheckedTerms(made.env, card.reward, card.env.records)
+    env = CheckedTerms(made.env, card.reward, card.env.records)
     try:
         rollout = collect(env, obs, student.policy, [generator(0, Purpose.ACT, 1)])
     finally:
         env.close()
-        env.conclude(check)
+        errors, warnings = env.conclude()
+        check.errors += errors
+        check.warnings += warnings
     learner.update_normalizer(rollout)
     valid = rollout.valid
     check.n_steps = int(valid.sum())
     check.returns = (rollout.rewards * valid).sum(0).ravel().tolist()
     means = rollout.reward_terms[valid].mean(0).tolist()
     check.mean_terms = dict(zip(env.names, means, strict=True))
-    check.warnings += _oddities(env, rollout, [] if check.errors else check.returns)
+    check.warnings += _oddities(env, rollout, [] if check.errors else check.returns, card)
     if line := narrow_features(student.normalizer):
         check.warnings.append(line)
-
-
-class _CheckedTerms(RewardTerms):
-    """Reward terms of environments that note what is wrong with one, and go on with 0 of it."""
-
-    def __init__(self, env: Any, weights: dict[str, float], records: Sequence[str]) -> None:
-        super().__init__(env, weights, records)
-        self.n_acted = 0
-        self.errors: dict[str, RepaintError] = {}
-        """By the name of the term."""
-        self._steps = np.zeros(env.num_envs, int)  # of each environment's episode
-        self._n_reports = dict.fromkeys(weights, 0)
-        self._first_absence: dict[str, int] = {}
-        self._numbers_seen: set[str] = set()
-
-    def step(self, actions: Any) -> tuple[Any, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
-        """Advance every environment by one step, and look at what it reports."""
-        acting = ~self._ended
-        self._steps = np.where(acting, self._steps + 1, 0)
-        obs, _, terminated, truncated, info = super().step(actions)
-        self.n_acted += int(acting.sum())
-        self._numbers_seen |= {*numbers_in(info)} - self.unreported
-        for column, name in enumerate(self.names):
-            self._count(name, info, acting)
-            terms = info["reward_terms"][:, column]
-            if not np.isfinite(terms).all():
-                n = int(np.argmin(np.isfinite(terms)))
-                problem = f"the reward term '{name}' is {terms[n]} in step {self._steps[n]}"
-                self.errors.setdefault(name, DivergedError(f"{problem} of an episode"))
-                terms[~np.isfinite(terms)] = 0
-        return obs, info["reward_terms"] @ self.weights, terminated, truncated, info
-
-    def _count(self, name: str, info: Mapping[str, Any], acting: np.ndarray) -> None:
-        absent = acting
-        if name in info:
-            mask = True if name == OWN_REWARD else info.get(f"_{name}", True)
-            absent = acting & ~np.broadcast_to(mask, acting.shape)
-        self._n_reports[name] += int((acting & ~absent).sum())
-        if absent.any():
-            self._first_absence.setdefault(name, int(self._steps[absent].min()))
-
-    def _numbers(self, info: Mapping[str, Any], name: str) -> np.ndarray:
-        try:
-            return super()._numbers(info, name)
-        except CardError as error:
-            self.errors.setdefault(name, error)
-            return np.zeros(self.num_envs)
-
-    def conclude(self, check: TaskCheck) -> None:
-        """Add what was noted."""
-        check.errors += self.errors.values()
-        missing = self.unreported if self.n_acted else set()
-        if missing:
-            check.errors.append(never_reported(missing, self._numbers_seen, self.n_acted))
-        for name, t in self._first_absence.items():
-            if name not in missing:
-                share = 100 - 100 * self._n_reports[name] / self.n_acted
-                check.warnings.append(
-                    f"the reward term '{name}' is left out in {share:.2g} % of the steps, first in "
-                    f"step {t} of an episode, and counts as 0 there"
-                )
 
 
 class _Noted(Output):
@@ -188,7 +151,9 @@ class _Noted(Output):
         return [*self._warnings, *prints]
 
 
-def _oddities(env: RewardTerms, rollout: Rollout, returns: list[float]) -> Iterator[str]:
+def _oddities(
+    env: RewardTerms, rollout: Rollout, returns: list[float], task: Task
+) -> Iterator[str]:
     """Yield what is odd in actions, observations and returns, where those are known."""
     observations, actions = env.single_observation_space, env.single_action_space
     if isinstance(actions, gymnasium.spaces.Box):
@@ -202,11 +167,12 @@ def _oddities(env: RewardTerms, rollout: Rollout, returns: list[float]) -> Itera
             )
     if not returns:
         return
-    if np.abs(returns).max() > LARGE_RETURN:
-        yield (
-            f"returns of {np.abs(returns).max():.2g} are large, and a critic learns them slowly; "
-            "smaller weights in [reward] help"
-        )
+    if (largest := float(np.abs(returns).max())) > LARGE_RETURN:
+        help_ = "smaller weights in [reward] help"
+        if task.reward_code:
+            wanted = task.reward[FUNCTION] * 10.0 ** -floor(log10(largest / GOOD_RETURN))
+            help_ = f"in [reward], {SCALE} = {wanted:.0e} beside the function helps"
+        yield f"returns of {largest:.2g} are large, and a critic learns them slowly; {help_}"
     if np.ptp(returns) == 0:
         yield (
             f"all {len(returns)} episodes return {returns[0]:.4g}: nothing tells a better action "

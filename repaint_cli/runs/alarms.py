@@ -72,7 +72,8 @@ def _check_scale(report: Report) -> Iterator[tuple[str, str]]:
         yield (
             "large-rewards",
             f"rewards are large (the critic's mean squared error is {error:.1g}), and it learns "
-            "the slower; smaller weights in [reward] help, or ppo.normalize_rewards",
+            "the slower; smaller weights in [reward] help (of a function: its scale), or "
+            "ppo.normalize_rewards",
         )
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from repaint_cli import interruption
 from repaint_cli.activity import doing, progress
 from repaint_cli.envs.output import PrintsInFile, prints_in_file
+from repaint_cli.errors import RewardFailed
 from repaint_cli.files.paths import user_zoo
 from repaint_cli.learn.side_by_side import one_thread
 from repaint_cli.runs.elsewhere import remember
@@ -66,8 +67,8 @@ def carry_out(
 ) -> TrainedRun:
     """Train, draw, and write policies and the teacher, while the run's folder is held.
 
-    Ctrl-C ends the training early: what was finished is drawn and written all the same before it is
-    raised again. SIGTERM draws nothing.
+    Ctrl-C, or a reward function that fails, ends the training early: what was finished is drawn and
+    written all the same before it is raised again. SIGTERM draws nothing.
 
     Args:
         owned: a run of `owner`, which holds its folder.
@@ -91,6 +92,7 @@ def carry_out(
     ):
         track, notices = trackers_of(experiment.plan.files, track)
         experiment.notices += notices
+        experiment.prints = prints
         remember(experiment.plan.folder)
         watcher.begin(experiment)
         ended_by = _train(experiment, watcher, prints, track)
@@ -106,7 +108,7 @@ def carry_out(
 
 def _train(
     experiment: Experiment, watcher: Watcher, prints: PrintsInFile, track: Sequence[str]
-) -> KeyboardInterrupt | None:
+) -> KeyboardInterrupt | RewardFailed | None:
     """Train; return what ended it early, if that left something to draw."""
     plan = experiment.plan
     cause: BaseException | None = None
@@ -126,6 +128,8 @@ def _train(
         cause = error
         if isinstance(error, KeyboardInterrupt) and experiment.learner.iteration:
             interruption.arrived()
+            return error
+        if isinstance(error, RewardFailed) and experiment.learner.iteration:
             return error
         raise
     finally:

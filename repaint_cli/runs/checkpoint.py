@@ -23,7 +23,7 @@ from repaint_cli.policies.networks import ActorCritic
 from repaint_cli.policies.weights import load, load_policy, policy_tensors, save
 from repaint_cli.runs.folder import remove
 from repaint_cli.runs.metrics import cut_csv
-from repaint_cli.runs.plan import Plan, difference
+from repaint_cli.runs.plan import Plan, difference, without_text
 from repaint_cli.runs.progress import RunProgress
 from repaint_cli.runs.teachers import RunTeachers
 from repaint_cli.tasks.card import TaskCard
@@ -196,8 +196,11 @@ def _with_defaults(identity: Any) -> Any:
     try:
         task, transfer = dict(identity["task"]), identity["transfer"]
         task["ppo"] = {**task["ppo"], "n_iterations": 1}  # which does not belong to it
+        if isinstance(code := task.get("reward_code"), Mapping):
+            task["reward_code"] = {**code, "source": ""}  # which does not, either
         whole = TaskCard.parse(task, "a checkpoint").model_dump(mode="json")
         whole["ppo"]["n_iterations"] = None
+        without_text(whole)
         known = TransferConfig.model_validate(transfer).model_dump(mode="json")
     except (CardError, ValidationError, LookupError, TypeError):
         return identity  # a setting of another version, which the difference names

@@ -10,7 +10,8 @@ import numpy as np
 from repaint_cli.activity import doing
 from repaint_cli.envs.episodes import Episodes
 from repaint_cli.envs.logs import EpisodeLog
-from repaint_cli.errors import RepaintError, StoreError, locate_divergence
+from repaint_cli.envs.output import PrintsInFile
+from repaint_cli.errors import RepaintError, RewardFailed, StoreError, locate_divergence
 from repaint_cli.files.provenance import versions
 from repaint_cli.kernels import training_clock
 from repaint_cli.learn import ppo, q_learning
@@ -26,7 +27,7 @@ from repaint_cli.runs.checkpoint import restore, save_checkpoint, settle
 from repaint_cli.runs.folder import RunFolder
 from repaint_cli.runs.measuring import first_length, inform_course, measurements_of
 from repaint_cli.runs.metrics import Report, append_csv, start_csv
-from repaint_cli.runs.notices import notices_of
+from repaint_cli.runs.notices import forgotten, notices_of
 from repaint_cli.runs.plan import Plan
 from repaint_cli.runs.policies import is_of_iteration, write_policy
 from repaint_cli.runs.progress import RunProgress
@@ -64,6 +65,8 @@ class Experiment:
     """Warnings for whoever began or resumed the run."""
     newest_alarms: list[Alarm] = field(default_factory=list)
     """What looked wrong in the last iteration."""
+    prints: PrintsInFile = field(default_factory=PrintsInFile)
+    """What environments have printed meanwhile."""
     _logs: list[EpisodeLog] = field(default_factory=list)
 
     @classmethod
@@ -87,11 +90,9 @@ class Experiment:
         record.alarms = alarms_until(k, plan.files, begun)
         experiment.notices += [*progress.notices, *record.go_on_with(versions())]
         experiment.notices += experiment.learner.bring_streams_back(experiment.card)
-        if code := experiment.card.reward_code:
-            experiment.notices.append(
-                f"the variables of {code.name} begin anew; if it remembers anything from step to "
-                "step, this is another run from here on than one without a stop"
-            )
+        experiment.notices += forgotten(experiment.card, progress)
+        experiment.notices += plan.said
+        record.mended += [k] if plan.mended else []
         if k:  # else it begins anew, after what teachers played
             experiment.progress = progress
         return experiment
@@ -157,6 +158,9 @@ class Experiment:
                 self.save(report)
                 yield report
             outcome = "finished"
+        except RewardFailed as error:
+            self.record.failure = str(error)
+            raise
         finally:
             self.progress.seconds = training_clock() - started
             if outcome != "finished":
@@ -186,6 +190,7 @@ class Experiment:
             self.learner.student.normalizer,
         )  # fmt: skip
         self.record.add_alarms(self.newest_alarms, files)
+        progress.remembered = sorted({*(progress.remembered or ()), *self.learner.remembered()})
         progress.add_evaluation(k, report.evaluation.returns, report.evaluation.lengths)
         progress.seconds, progress.logs = report.seconds, [log.position for log in self._logs]
         save_checkpoint(self.plan, self.teachers, self.learner, self.course, progress)

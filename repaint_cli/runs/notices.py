@@ -1,7 +1,9 @@
 """What is worth saying before a run begins: schedules that end early, slow arithmetic, teachers."""
 
+from repaint_cli.errors import some
 from repaint_cli.policies.precision import slowness_warnings
 from repaint_cli.runs.plan import Plan
+from repaint_cli.runs.progress import RunProgress
 from repaint_cli.runs.teachers import RunTeachers
 from repaint_cli.tasks.card import TaskCard
 from repaint_cli.tasks.methods import METHODS
@@ -14,7 +16,7 @@ def notices_of(plan: Plan, teachers: RunTeachers) -> list[str]:
     notices = schedule_warnings(teachers.target, begun=begun)
     notices += slowness_warnings(teachers.target.net, taught_by, begun=begun)
     if not begun:
-        notices += teachers.target.env.notes()
+        notices += teachers.target.env.doubts() + teachers.target.env.notes()
     if plan.task.transfer.distill_epochs and not _distils(plan):
         notices.append(
             "nothing is distilled (transfer.distill_epochs): it needs kickstarting with --beta "
@@ -58,3 +60,15 @@ def schedule_warnings(task: TaskCard, begun: bool) -> list[str]:
                 f"(ppo.{decay} is {end}); {way}"
             )
     return sentences
+
+
+def forgotten(task: TaskCard, progress: RunProgress) -> list[str]:
+    """Return a sentence about what a reward function kept, and a run that goes on does not know."""
+    code, names = task.reward_code, progress.remembered
+    if code is None or names == []:
+        return []
+    what = f"its variables {some(names)} change" if names else "its variables may change"
+    return [
+        f"{code.name} remembers, as {what}, and they begin anew: from here on this is another run "
+        "than one without a stop"
+    ]

@@ -50,6 +50,10 @@ class Plan:
     """Whom the teacher was chosen among, if it was measured; the steps of that count."""
     begun: RunRecord | None = None
     """The record of a run that goes on; None of a new one."""
+    said: tuple[str, ...] = ()
+    """What was noticed of a run that goes on."""
+    mended: bool = False
+    """Whether its reward function has another text than before."""
 
     @property
     def files(self) -> RunFolder:
@@ -99,6 +103,7 @@ class Plan:
 
     def new_record(self, teachers: RunTeachers) -> RunRecord:
         """Return the record of the run at its beginning."""
+        code, begun = self.task.reward_code, self.begun
         return RunRecord(
             state="running",
             algorithm=self.algorithm,
@@ -113,12 +118,19 @@ class Plan:
             ranked=list(self.ranked),
             automatic=self.target.automatic and bool(teachers.teachers),
             versions=versions(),
+            reward_file=(code.file if code else None) or (begun.reward_file if begun else None),
+            mended=list(begun.mended) if begun else [],
         )
 
     def identity(self, teachers: RunTeachers) -> dict[str, Any]:
-        """Return what identifies a run, as JSON; the number of iterations is not part of it."""
+        """Return what identifies a run, as JSON.
+
+        The number of iterations is no part of it, nor is the text of a reward function, which may
+        have been mended.
+        """
         task = self.task.model_dump(mode="json")
         task["ppo"]["n_iterations"] = None
+        without_text(task)
         return {
             "algorithm": self.algorithm,
             "method": self.method,
@@ -138,6 +150,12 @@ class Plan:
     def for_iterations(self, n: int) -> "Plan":
         """Return the plan with another number of iterations."""
         return replace(self, task=self.task.with_settings([f"ppo.n_iterations={n}"]))
+
+
+def without_text(task: dict[str, Any]) -> None:
+    """Take the text of a reward function out of a task in JSON; its name stays."""
+    if isinstance(code := task.get("reward_code"), Mapping):
+        task["reward_code"] = {**code, "source": None}
 
 
 def check_automatic(task: TaskCard) -> None:

@@ -27,6 +27,8 @@ class RunProgress:
     """Mean lengths (S,) of their episodes, steps."""
     logs: list[Mapping[str, float]] = field(default_factory=list)
     """How far each seed's log of its episodes is."""
+    remembered: list[str] | None = field(default_factory=list)
+    """Variables in which a reward function keeps something; None where that was not noted."""
     notices: list[str] = field(default_factory=list)
     """Warnings from reading it."""
     source: Path | None = None
@@ -50,6 +52,7 @@ class RunProgress:
             "returns": [returns.tolist() for returns in self.returns],
             "lengths": [lengths.tolist() for lengths in self.lengths],
             "logs": self.logs,
+            "remembered": self.remembered,
         }
 
     @classmethod
@@ -62,6 +65,7 @@ class RunProgress:
         try:
             past = notes["past"]
             k, s = map(int, past["best"])
+            remembered = past.get("remembered")
             return cls(
                 seconds=float(past["seconds"]),
                 best_return=float(past["best_return"]),
@@ -69,6 +73,7 @@ class RunProgress:
                 returns=[np.array(returns, np.float64) for returns in past["returns"]],
                 lengths=[np.array(own, np.float64) for own in past.get("lengths", [])],
                 logs=[{str(n): float(x) for n, x in log.items()} for log in past["logs"]],
+                remembered=None if remembered is None else [*map(str, remembered)],
                 source=source,
             )
         except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:

@@ -74,6 +74,12 @@ class RunRecord(BaseModel):
     """Of the libraries that the run began with."""
     resumed: list[Resumption] = []
     """When the run went on with other versions."""
+    reward_file: str | None = None
+    """Where the reward function was read, if the reward is one."""
+    failure: str = ""
+    """How it failed, if that ended the run."""
+    mended: list[NonNegativeInt] = []
+    """After which iterations the run went on with another text of it."""
     iterations: NonNegativeInt = 0
     """Finished iterations."""
     seconds: float = 0.0
@@ -83,7 +89,8 @@ class RunRecord(BaseModel):
 
     _lenient = field_validator(
         "schema_version", "state", "transfer", "teacher_name", "replace", "keep", "versions",
-        "resumed", "iterations", "seconds", "alarms", "ranked", mode="wrap",
+        "resumed", "reward_file", "failure", "mended", "iterations", "seconds", "alarms", "ranked",
+        mode="wrap",
     )(or_default)  # fmt: skip
 
     @field_validator("method", "algorithm")

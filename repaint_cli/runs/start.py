@@ -8,6 +8,7 @@ from repaint_cli.errors import StoreError, UsageError, some
 from repaint_cli.files.provenance import stamp
 from repaint_cli.policies.precision import resolved
 from repaint_cli.runs.folder import RUNS
+from repaint_cli.runs.mended import check_mended, mended_task, notices_of_text
 from repaint_cli.runs.new_folder import check_absent
 from repaint_cli.runs.plan import Plan, plan_of
 from repaint_cli.runs.reader import read_run
@@ -87,11 +88,15 @@ def plan_resume(
         NotFound: there is no such run, or its teacher is gone.
         CheckpointError: a file of the run is damaged or of another version.
         TeacherMismatch: the file of the run's teacher has changed.
+        CardError: its reward function was mended, and its new text is not trusted.
         UsageError: the run is one of the other command, or has more iterations already.
         StoreError: the teacher's name is taken.
     """
     run = read_run(folder, to_resume=True)
-    plan, done = plan_of(run.record, run.task, folder), run.returns.shape[1]
+    task, done = mended_task(run), run.returns.shape[1]
+    check_mended(run, task)
+    plan = plan_of(run.record, task, folder)
+    plan = replace(plan, said=tuple(notices_of_text(run, task)), mended=task != run.task)
     if for_teacher is not None and (plan.teacher_name is not None) != for_teacher:
         raise UsageError(f"{folder} was begun otherwise; go on with: {plan.resume_command}")
     if iterations is not None:

@@ -14,7 +14,7 @@ from repaint_cli.settings import UNKNOWN_KEY, Settings, first_problem
 from repaint_cli.tasks.recipe import Recipe
 from repaint_cli.tasks.setting_names import did_you_mean, same_settings
 from repaint_cli.tasks.symmetry import SymmetryConfig
-from repaint_cli.tasks.task import Task
+from repaint_cli.tasks.task import FUNCTION, SCALE, Task
 from repaint_cli.tasks.transfer_settings import TransferConfig
 
 if TYPE_CHECKING:
@@ -66,8 +66,10 @@ class TaskCard(Recipe, Task, Titled):
         """What logs hold of a run on this card."""
         from repaint_cli.envs.logs import LoggedRun
 
-        source = self.reward_code.source if self.reward_code else None
-        return LoggedRun(self.ppo, len(self.net.conv_torso.layers), source)
+        code, n_convolutions = self.reward_code, len(self.net.conv_torso.layers)
+        if code is None:
+            return LoggedRun(self.ppo, n_convolutions, None)
+        return LoggedRun(self.ppo, n_convolutions, code.source, self.reward.get(FUNCTION, 1.0))
 
     @classmethod
     def parse(cls, data: Mapping[str, Any], where: str) -> "TaskCard":
@@ -100,9 +102,13 @@ class TaskCard(Recipe, Task, Titled):
                 hint = did_you_mean(path, known).replace("?", f"={value}?") if equals else ""
                 raise UsageError(f"expected --set section.key=value, found '{setting:.200}'{hint}")
             section, key = path.split(".")
+            if path == f"reward.{SCALE}" and self.reward_code:
+                key = FUNCTION
             if section not in _sections(data) or (section != "reward" and path not in known):
                 raise self._no_setting(path, known)
             data[section][key] = _toml_value(value)
+        if self.reward_code:  # with its file, which is not dumped
+            data["reward_code"] = self.reward_code
         return TaskCard.parse(data, f"task '{self.name}'") if settings else self
 
     def _no_setting(self, path: str, known: list[str]) -> NotFound:

@@ -9,14 +9,21 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from repaint_cli.envs.racer.deepracer.model_files import read_hyperparameters
+from repaint_cli.envs.racer.deepracer.model_files import (
+    read_hyperparameters,
+    unread_hyperparameters,
+    unread_metadata,
+)
 from repaint_cli.envs.registry import simulator_class
 from repaint_cli.errors import CardError, NotFound, reported_as
 from repaint_cli.files.commands import command
 from repaint_cli.files.limits import read_text, read_toml
 from repaint_cli.files.paths import shipped_tasks
 from repaint_cli.tasks.card import TaskCard
+from repaint_cli.tasks.task import FUNCTION, SCALE
 
+DEFAULT_CONV = "3-layer"
+"""`net.conv` of a card that does not say it."""
 ENV_ID = re.compile(r"-v\d+$")
 """How an id of Gymnasium's ends; no shipped task is called so."""
 
@@ -69,8 +76,13 @@ def _resolve(path: Path) -> dict[str, Any]:
     if base is not None and (not isinstance(base, str) or base not in known or known[base] == path):
         raise NotFound.named("task", str(base), known, "repaint tasks list")
     basis = {} if base is None else _resolve(known[base])
+    named = _model_metadata(data, path.parent)
     _resolve_files(data, basis, path.parent)
     whole = _merge(basis, data)
+    if named:
+        net = whole.get("net")
+        conv = net.get("conv", DEFAULT_CONV) if isinstance(net, dict) else DEFAULT_CONV
+        _say(unread_metadata(named, conv))
     ppo = data.get("ppo")
     if basis and isinstance(ppo, dict) and "n_steps" in ppo and "n_episodes" not in ppo:
         whole["ppo"].pop("n_episodes", None)  # the new card counts otherwise
@@ -91,24 +103,48 @@ def _resolve_files(data: dict[str, Any], basis: dict[str, Any], folder: Path) ->
         if kind:
             data["env"] = kind.resolve_files(env, folder)
     if isinstance(ppo, dict) and isinstance(ppo.get("hyperparameters"), str):
-        settings = read_hyperparameters(folder / ppo.pop("hyperparameters"))
+        file = folder / ppo.pop("hyperparameters")
+        settings = read_hyperparameters(file)
+        _say(unread_hyperparameters(file, ppo))
         if "n_steps" in ppo:
             settings.pop("n_episodes", None)
         data["ppo"] = settings | ppo
 
 
+def _model_metadata(data: dict[str, Any], folder: Path) -> Path | None:
+    """Return the file of DeepRacer's that [env] names, or None."""
+    env = data.get("env")
+    name = env.get("model_metadata") if isinstance(env, dict) else None
+    return folder / name if isinstance(name, str) else None
+
+
+def _say(text: str | None) -> None:
+    """Warn, once, of what a file says and nobody reads."""
+    if text:
+        from repaint_cli.envs.output import warn  # which takes longer than reading a card
+
+        warn(text)
+
+
 def _reward_code(data: dict[str, Any], folder: Path) -> dict[str, Any]:
-    """Return what `[reward] function = "file.py"` stands for: the file's text, and one term."""
-    file = data.get("reward", {}).get("function") if isinstance(data.get("reward"), dict) else None
-    if not isinstance(file, str):
+    """Return what `[reward] function = "file.py"` stands for: the file's text, and one term.
+
+    The term's weight is the `scale` beside it, or 1.
+    """
+    reward = data.get("reward")
+    if not isinstance(reward, dict) or not isinstance(file := reward.get("function"), str):
         return {}
-    if len(data["reward"]) > 1:
-        raise CardError(f"a reward function stands alone: leave out what is beside {file}")
+    if others := sorted(reward.keys() - {"function", SCALE}):
+        raise CardError(
+            f"a reward function stands alone: leave out {others[0]:.60} beside {file}; what it "
+            f"pays can be multiplied, by {SCALE} = 1e-3"
+        )
     del data["reward"]
     path = folder / file
     with reported_as(CardError):
         source = read_text(path)
-    return {"reward": {"function": 1.0}, "reward_code": {"name": path.name, "source": source}}
+    code = {"name": path.name, "source": source, "file": str(path.absolute())}
+    return {"reward": {FUNCTION: reward.get(SCALE, 1.0)}, "reward_code": code}
 
 
 def _merge(base: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:

@@ -30,6 +30,12 @@ if TYPE_CHECKING:
     from repaint_cli.policies.spaces import Spaces
 
 
+FUNCTION = "function"
+"""The reward term that a user's own reward function pays."""
+SCALE = "scale"
+"""What a card calls the weight of that term."""
+
+
 class RewardCode(Settings):
     """A user's own reward function: a file's name and its text."""
 
@@ -37,6 +43,17 @@ class RewardCode(Settings):
     """What the file is called."""
     source: str
     """Python, with `def reward_function(params)`."""
+    file: str | None = Field(None, exclude=True)
+    """Where it was read, which makes no difference, and which no card or teacher tells."""
+
+    def __eq__(self, other: object) -> bool:
+        """Return whether both have the same text under the same name."""
+        if not isinstance(other, RewardCode):
+            return NotImplemented
+        return (self.name, self.source) == (other.name, other.source)
+
+    def __hash__(self) -> int:
+        return hash((self.name, self.source))
 
 
 def _by_its_class(env: Any) -> Any:
@@ -72,8 +89,12 @@ class Task(Settings):
     def _code_has_its_simulator(self) -> "Task":
         if self.reward_code and self.env.reward_functions is None:
             raise ValueError("a reward function needs the racer's params: env.simulator = 'racer'")
-        if self.reward_code and list(self.reward) != ["function"]:
+        if self.reward_code and list(self.reward) != [FUNCTION]:
             raise ValueError("a reward function stands alone: leave the other terms out")
+        if self.reward_code and self.reward[FUNCTION] <= 0:
+            raise ValueError(
+                f"a reward function has a {SCALE} above 0, found {self.reward[FUNCTION]:g}"
+            )
         return self
 
     @field_validator("symmetry")

@@ -58,7 +58,8 @@ def _task(task: TaskCard) -> str:
     env = {name: value for name, value in task.env.model_dump(mode="json").items() if value}
     reward = "The reward is the sum of named terms, each with its weight:"
     if task.reward_code:
-        reward = f"The reward is the function in {task.reward_code.name}:"
+        name = task.reward_code.name
+        reward = f"The reward is what the function in {name} pays, times its weight:"
     return "\n\n".join([_table(env), reward, _table(task.reward)])
 
 

@@ -14,6 +14,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
+from repaint_cli.envs.racer.actions import check_actions
 from repaint_cli.envs.racer.arguments import (
     check_names,
     check_positive,
@@ -97,6 +98,7 @@ class RacerVectorEnv(VectorEnv[Any, NDArray[np.int64], Any]):
         Raises:
             ValueError: an argument is out of range.
         """
+        check_actions(actions)
         check_positive(num_envs=num_envs, max_steps=max_steps, threads=threads)
         check_names(car=(car, CAR_PROFILES), sensors=(sensors, SENSORS), crash=(crash, CRASHES))
         self._set_autoreset(autoreset_mode)

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from repaint_cli.envs.racer.simulator import RacerSimulator
-from repaint_cli.envs.reward_functions import Functions, RewardFunctions
+from repaint_cli.envs.reward_functions import FunctionCheck, Functions, RewardFunctions
 
 if TYPE_CHECKING:
     from repaint_cli.envs.simulator import Environments
@@ -30,3 +30,9 @@ class RacerRewardFunctions(RewardFunctions):
         from repaint_cli.envs.racer.wander import sample_rewards
 
         return sample_rewards(self._env, name, source)
+
+    def check(self, name: str, source: str) -> FunctionCheck:
+        """Drive 64 cars in all ways to the end of a lap; see `RewardFunctions.check`."""
+        from repaint_cli.envs.racer.deepracer.reward_check import check_function
+
+        return check_function(self._env, name, source)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 from pydantic import Field, field_validator
 
 from repaint_cli.envs.checked_file import CheckedFile
+from repaint_cli.envs.racer.actions import beyond_the_car, check_actions
 from repaint_cli.envs.racer.mirror import symmetries_of, unpaired_action
 from repaint_cli.envs.racer.names import BOT_RECORDS, BOT_TERMS, RECORDS, TERMS
 from repaint_cli.envs.simulator import Simulator
@@ -56,6 +57,14 @@ class RacerSimulator(Simulator):
     def _from_any_folder(cls, track: str) -> str:
         """Keep a file's whole path: a run or a teacher is used in other folders too."""
         return str(Path(track).absolute()) if track.endswith(".npy") else track
+
+    @field_validator("actions")
+    @classmethod
+    def _drive_forwards(
+        cls, actions: tuple[tuple[float, float], ...]
+    ) -> tuple[tuple[float, float], ...]:
+        check_actions(actions)
+        return actions
 
     # Environments
 
@@ -125,10 +134,12 @@ class RacerSimulator(Simulator):
         return notes_on(self.track)
 
     def doubts(self) -> list[str]:
-        """Return whether a lap takes longer than the time limit; see `Simulator.doubts`."""
-        from repaint_cli.envs.racer.laps import doubts_about
+        """Return actions beyond the car, and laps beyond the limit; see `Simulator.doubts`."""
+        from repaint_cli.envs.racer.laps import longer_than
 
-        return doubts_about(self.track, self.actions, self.longest_episode())
+        limit = self.longest_episode()
+        lines = beyond_the_car(self.actions), longer_than(limit, self.track, self.actions)
+        return [line for line in lines if line]
 
     # The task
 
@@ -200,15 +211,15 @@ class RacerSimulator(Simulator):
 
     def columns(self, episodes: "Episodes", s: int) -> "list[Column]":
         """Return progress, laps, their times and crashes; see `Simulator.columns`."""
-        from repaint_cli.envs.racer.laps import columns_of
+        from repaint_cli.envs.racer.outcomes import columns
 
-        return columns_of(episodes, s)
+        return columns(episodes, s)
 
     def outcomes(self, episodes: "Episodes") -> dict[str, Any]:
         """Return progress (%), lap times (s) and how episodes ended, as JSON."""
-        from repaint_cli.envs.racer.laps import outcomes_of
+        from repaint_cli.envs.racer.outcomes import outcomes
 
-        return outcomes_of(episodes)
+        return outcomes(episodes)
 
     # Paths, films, logs
 

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 
 import numpy as np
+from numpy.typing import NDArray
 
 from repaint_cli.envs.racer.deepracer.reward_file import RewardFunction
 from repaint_cli.envs.racer.dynamics.car import commands_of
@@ -55,16 +56,25 @@ def wander(
             )
         ended = np.flatnonzero(fleet.status != IN_PROGRESS)
         fleet.start(ended, rng.random(n), reverse, rngs)
-        chosen = _nearest(commands, _steering(fleet, aims), commands[speeds, 1])
+        chosen = nearest(commands, steering_to(fleet, aims), commands[speeds, 1])
         explores = rng.random(n) < EXPLORATION
         chosen[explores] = rng.integers(len(commands), size=explores.sum())
         yield rows, commands[chosen], fleet.drive(rows, commands[chosen])
 
 
-def _steering(fleet: Fleet, aims: Floats) -> Floats:
-    """Return the angles that lead to places ahead, aside by `aims` (N,) widths, (N,) rad."""
+def steering_to(fleet: Fleet, aims: Floats, reverse: NDArray[np.bool_] | None = None) -> Floats:
+    """Return the angles that lead to places ahead, aside by `aims` (N,) widths, (N,) rad.
+
+    Args:
+        fleet: N cars.
+        aims: to the left, in widths of the road.
+        reverse: which cars drive the other way, (N,); none where absent.
+    """
     track, state = fleet.track, fleet.report()
-    points, headings = track.pose_at(fleet.lap_fractions + LOOK_AHEAD / track.length)
+    ahead = fleet.lap_fractions + LOOK_AHEAD / track.length
+    points, headings = track.pose_at(ahead)
+    if reverse is not None and reverse.any():
+        points[reverse], headings[reverse] = track.reversed().pose_at(ahead[reverse])
     aside = aims * track.width
     to_x = points[:, 0] - aside * np.sin(headings) - state["x"]
     to_y = points[:, 1] + aside * np.cos(headings) - state["y"]
@@ -72,7 +82,7 @@ def _steering(fleet: Fleet, aims: Floats) -> Floats:
     return np.asarray(np.arctan2(np.sin(angle), np.cos(angle)))
 
 
-def _nearest(commands: Floats, steering: Floats, speed: Floats) -> Rows:
+def nearest(commands: Floats, steering: Floats, speed: Floats) -> Rows:
     """Return the actions nearest to angles (N,) rad, then to speeds (N,) m/s."""
     steering_gaps = np.abs(commands[:, 0] - steering[:, None])  # (N, A)
     speed_gaps = np.abs(commands[:, 1] - speed[:, None])

@@ -15,8 +15,8 @@ from repaint_cli.envs.racer.simulator import RacerSimulator
 class DeepRacerLog(EpisodeLog):
     """A seed's log."""
 
-    def __init__(self, simtrace: Simtrace, env: RacerSimulator) -> None:
-        self._simtrace, self._env = simtrace, env
+    def __init__(self, simtrace: Simtrace, env: RacerSimulator, scale: float) -> None:
+        self._simtrace, self._env, self._scale = simtrace, env, scale
 
     @property
     def position(self) -> dict[str, float]:
@@ -36,7 +36,7 @@ class DeepRacerLog(EpisodeLog):
         self._simtrace.evaluate(k, self._traces(steps, s))
 
     def _traces(self, steps: Steps, s: int) -> list[Trace]:
-        return traces_of(steps, self._env.actions, s)
+        return traces_of(steps, self._env.actions, s, self._scale)
 
 
 class DeepRacerLogs(LogFormat):
@@ -51,13 +51,14 @@ class DeepRacerLogs(LogFormat):
 
     def open(self, folder: Path, run: LoggedRun) -> DeepRacerLog:
         """Begin a run's own log in its folder, or go on with it; see `LogFormat.open`."""
-        return DeepRacerLog(Simtrace(folder, self._env, run, resumed=True), self._env)
+        simtrace = Simtrace(folder, self._env, run, resumed=True)
+        return DeepRacerLog(simtrace, self._env, run.scale)
 
     def log_episodes(
         self, folder: Path, run: LoggedRun, episodes: Episodes, s: int, stamp: str
     ) -> list[Path]:
         """Log evaluated episodes of seed s on their own; see `LogFormat.log_episodes`."""
-        traces = traces_of(episodes.steps, self._env.actions, s)
+        traces = traces_of(episodes.steps, self._env.actions, s, run.scale)
         return Simtrace(folder, self._env, run).evaluate_alone(stamp, traces)
 
     def draw_training(

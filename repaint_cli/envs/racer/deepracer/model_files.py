@@ -1,6 +1,6 @@
 """DeepRacer's own files of settings, as settings of a card, and back."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from math import isfinite
 from pathlib import Path
@@ -32,11 +32,27 @@ PPO_NAMES = {
 }
 """DeepRacer's hyper-parameters, and the fields of `PPOConfig` that mean the same."""
 
-OTHER_NAMES = {
-    "e_greedy_value", "epsilon_steps", "exploration_type", "loss_type", "sac_alpha", "stack_size",
-    "term_cond_avg_score", "term_cond_max_episodes",
-}  # fmt: skip
-"""Those about exploration, stacked images and the end of training; they are left out."""
+DRAWN = "actions are drawn from the policy"
+END = "ppo.n_iterations says when to stop"
+OTHER_NAMES: dict[str, tuple[Any, str]] = {
+    "e_greedy_value": (None, DRAWN),
+    "epsilon_steps": (None, DRAWN),
+    "exploration_type": ("categorical", DRAWN),
+    "loss_type": ("mean squared error", "the critic's loss is the mean squared error"),
+    "sac_alpha": (None, "there is no SAC"),
+    "stack_size": (1, "a policy sees one image"),
+    "term_cond_avg_score": (None, END),
+    "term_cond_max_episodes": (None, END),
+}
+"""Those that are not read: the value that says what is done anyway, if any, and what is done."""
+METADATA = {"action_space", "action_space_type", "sensor", "version"}
+"""The keys of a `model_metadata.json` that are read, or that say what `action_space` shows."""
+NETWORKS = {
+    "DEEP_CONVOLUTIONAL_NETWORK_SHALLOW": ("3-layer", "3-layer"),
+    "DEEP_CONVOLUTIONAL_NETWORK": ("4-layer", "5-layer"),
+    "DEEP_CONVOLUTIONAL_NETWORK_DEEP": ("5-layer", "5-layer"),
+}
+"""What `net.conv` calls DeepRacer's networks, of one camera and of two."""
 
 
 def read_hyperparameters(path: Path) -> dict[str, Any]:
@@ -46,11 +62,29 @@ def read_hyperparameters(path: Path) -> dict[str, Any]:
         CardError: the file cannot be read, or has a key that is not DeepRacer's.
     """
     data = _read_object(path)
-    unknown = sorted(data.keys() - PPO_NAMES.keys() - OTHER_NAMES)
+    unknown = sorted(data.keys() - PPO_NAMES.keys() - OTHER_NAMES.keys())
     if unknown:
         known = ", ".join(sorted({*PPO_NAMES, *OTHER_NAMES}))
         raise CardError(f"{path}: unknown key '{unknown[0]:.60}'; DeepRacer's are {known}")
     return {field: _number(data[name]) for name, field in PPO_NAMES.items() if name in data}
+
+
+def unread_hyperparameters(path: Path, ppo: Mapping[str, Any]) -> str | None:
+    """Return which keys of a `hyperparameters.json` are not taken over, and why; None if all are.
+
+    Args:
+        path: of a file that `read_hyperparameters` has read.
+        ppo: the card's own settings in [ppo], which outrank the file's.
+    """
+    unread: dict[str, list[str]] = {}
+    for name, value in _read_object(path).items():
+        same, why = OTHER_NAMES.get(name, (None, ""))
+        if name in OTHER_NAMES and (same is None or _number(value) != same):
+            unread.setdefault(why, []).append(f"{name} = {value!s:.40}")
+        elif name == "num_episodes_between_training" and "n_steps" in ppo:
+            unread.setdefault("ppo.n_steps says how long a rollout is", []).append(name)
+    parts = [f"{', '.join(names)} ({why})" for why, names in unread.items()]
+    return f"{path}: not read: {'; '.join(parts)}" if parts else None
 
 
 def hyperparameters(ppo: PPOConfig) -> dict[str, Any]:
@@ -81,6 +115,31 @@ def read_model_metadata(path: Path) -> dict[str, Any]:
     """
     data = _read_object(path)
     return {"actions": _actions(path, data.get("action_space")), "sensors": _sensors(path, data)}
+
+
+def unread_metadata(path: Path, conv: Any) -> str | None:
+    """Return what of a `model_metadata.json` is not taken over, and why; None where all is.
+
+    Args:
+        path: of a file that `read_model_metadata` has read.
+        conv: the card's `net.conv`, which says the network: no word where the file says the same.
+    """
+    data, parts = _read_object(path), []
+    for name in sorted(data.keys() - METADATA):
+        what, why = f"{name:.60} = {data[name]!s:.60}", "it has no counterpart"
+        if name == "training_algorithm":
+            if data[name] == "clipped_ppo":
+                continue
+            why = "policies are trained with clipped PPO"
+        elif name == "neural_network":
+            names = NETWORKS.get(str(data[name]))
+            wanted = names and names[_sensors(path, data).startswith("stereo")]
+            if wanted == conv:
+                continue
+            why = f"the network is net.conv, {conv!s:.60}"
+            why += f"; that one is net.conv = '{wanted}'" if wanted else ""
+        parts.append(f"{what} ({why})")
+    return f"{path}: not read: {'; '.join(parts)}" if parts else None
 
 
 def model_metadata(actions: Sequence[Sequence[float]], sensors: str, deep: bool) -> dict[str, Any]:

@@ -4,6 +4,7 @@ Every copy of the environment has a copy of the module of its own, whose variabl
 to episode, and in a training from iteration to iteration.
 """
 
+import re
 import traceback
 from inspect import Parameter, signature
 from typing import Any
@@ -12,8 +13,9 @@ import numpy as np
 from gymnasium.vector import AutoresetMode, VectorWrapper
 
 from repaint_cli import interruption
-from repaint_cli.envs.reward_functions import Functions
-from repaint_cli.errors import CardError
+from repaint_cli.envs.racer.deepracer.memory import fingerprints
+from repaint_cli.envs.reward_functions import Functions, UserFunction
+from repaint_cli.errors import CardError, RewardFailed
 
 TERM = "function"
 """The name of the reward term that it pays."""
@@ -21,7 +23,23 @@ LIMIT = 1e5
 """DeepRacer ends a job whose rewards are larger."""
 
 
-class RewardFunction:
+TELLING = (
+    "all_wheels_on_track", "is_offtrack", "is_crashed", "is_reversed", "is_left_of_center",
+    "distance_from_center", "track_width", "progress", "speed", "steering_angle", "heading", "x",
+    "y", "closest_waypoints", "closest_objects", "object_in_camera", "projection_distance",
+    "track_length", "sim_time",
+)  # fmt: skip
+"""The keys of `params` that are told where a function fails: those without long lists."""
+MOST_TOLD = 8
+MODULE = "reward_function"
+"""What DeepRacer calls the module, whatever the file is called."""
+
+
+def _short(value: Any) -> str:
+    return f"{value:.6g}" if isinstance(value, float) else f"{value!s:.40}"
+
+
+class RewardFunction(UserFunction):
     """A copy of a user's module and its function."""
 
     def __init__(self, name: str, source: str) -> None:
@@ -35,7 +53,7 @@ class RewardFunction:
             CardError: the module does not run, or has no `reward_function(params)`.
         """
         self._name = name
-        module: dict[str, Any] = {"__name__": "reward_function", "__file__": name}
+        module: dict[str, Any] = {"__name__": MODULE, "__file__": name}
         try:
             exec(compile(source, name, "exec"), module)
         except (Exception, SystemExit) as error:
@@ -52,20 +70,21 @@ class RewardFunction:
                 f"{name}: expected reward_function(params), found one of {len(places)} "
                 "arguments as before 2019; take what it needs from the dictionary params"
             )
-        self._function = function
+        self._function, self._module = function, module
+        self._at_first = fingerprints(module, MODULE)
+        self._telling = [name for name in TELLING if re.search(rf"['\"]{name}['\"]", source)]
         self._line = getattr(getattr(function, "__code__", None), "co_firstlineno", 1)
 
     def __call__(self, params: dict[str, Any], row: int) -> float:
         """Return what it pays environment `row` for a step.
 
         Raises:
-            CardError: the function failed, or paid something that is no number within ±100,000.
+            RewardFailed: the function failed, or paid something that is no number within ±100,000.
         """
-        step = f"at step {params['steps']:.0f} of environment {row}"
         try:
             paid = self._function(params)
         except (Exception, SystemExit) as error:
-            raise CardError(f"{self._describe(error)} ({step})") from error
+            raise RewardFailed(self._describe(error), self._moment(params, row)) from error
         finally:
             interruption.check()
         try:
@@ -73,11 +92,22 @@ class RewardFunction:
         except (TypeError, ValueError):
             number = np.nan
         if not abs(number) <= LIMIT:  # nan too
-            raise CardError(
-                f"{self._name}:{self._line}: expected a reward within ±100,000 from "
-                f"reward_function, found {paid!r} {step}"
-            )
+            problem = "expected a reward within ±100,000 from reward_function, found"
+            place = f"{self._name}:{self._line}: {problem} {paid!r:.100}"
+            raise RewardFailed(place, self._moment(params, row))
         return number
+
+    def remembers(self) -> list[str]:
+        """Return the names of the module's variables that have changed; see `UserFunction`."""
+        now = fingerprints(self._module, MODULE)
+        return sorted(name for name in now if now[name] != self._at_first.get(name))
+
+    def _moment(self, params: dict[str, Any], row: int) -> str:
+        """Return the step, and what `params` said of it in the keys that the function names."""
+        said = [f"{name} = {_short(params.get(name))}" for name in self._telling]
+        return ", ".join(
+            [f"at step {_short(params.get('steps'))} of environment {row}", *said[:MOST_TOLD]]
+        )
 
     def _describe(self, error: BaseException) -> str:
         """Return file, line, kind and message of what went wrong in the user's file."""
@@ -111,7 +141,7 @@ class RewardFile(VectorWrapper):
         """Drive every car for a step, and let the function pay it.
 
         Raises:
-            CardError: the function failed, or paid something that is no number within ±100,000.
+            RewardFailed: the function failed, or paid something that is no number within ±100,000.
         """
         obs, reward, terminated, truncated, info = self.env.step(actions)
         paid = np.zeros(self.num_envs)

@@ -31,7 +31,7 @@ class Trace:
     action: np.ndarray
     """Which action it was."""
     reward: np.ndarray
-    """What the step earned."""
+    """What the step earned; of a user's function what it paid, before any scale."""
     all_wheels_on_track: np.ndarray
     """Whether all wheels were on the track."""
     progress: np.ndarray
@@ -52,19 +52,25 @@ class Trace:
         return np.stack([self.x, self.y], axis=1)
 
 
-def traces_of(steps: Steps, actions: Sequence[tuple[float, float]], s: int) -> list[Trace]:
+def traces_of(
+    steps: Steps, actions: Sequence[tuple[float, float]], s: int, scale: float = 1.0
+) -> list[Trace]:
     """Return a seed's episodes, environment by environment; the last may be unfinished.
 
     Args:
         steps: with the records of the racer.
         actions: what the cars chose among, steering (degrees) and speed (m/s).
         s: which of the S seeds.
+        scale: what pay was multiplied by to be the rewards of the steps.
     """
-    return [_trace(steps, actions, episode) for episode in steps.episodes(s)]
+    return [_trace(steps, actions, episode, scale) for episode in steps.episodes(s)]
 
 
 def _trace(
-    steps: Steps, actions: Sequence[tuple[float, float]], episode: tuple[np.ndarray, int, int]
+    steps: Steps,
+    actions: Sequence[tuple[float, float]],
+    episode: tuple[np.ndarray, int, int],
+    scale: float,
 ) -> Trace:
     """Cut an episode out of arrays (T, S, N)."""
     at = {name: rows[episode] for name, rows in steps.records.items()}
@@ -78,7 +84,7 @@ def _trace(
         steer=np.rad2deg(steer),
         throttle=throttle,
         action=action,
-        reward=steps.rewards[episode],
+        reward=steps.rewards[episode] / scale,
         all_wheels_on_track=at["wheels_on"] == 4,
         progress=at["progress"],
         closest_waypoint=at["waypoint"].astype(int),

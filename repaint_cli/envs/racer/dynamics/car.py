@@ -11,6 +11,7 @@ from dataclasses import astuple, dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from repaint_cli.envs.racer.actions import SPEED_LIMITS, STEERING_LIMIT
 from repaint_cli.kernels import kernel
 
 STEP_SECONDS = 1 / 15
@@ -30,8 +31,6 @@ CAR_POINTS = np.vstack([[FRONT_OFFSET, 0.0], WHEELS])
 CAR_POINTS.flags.writeable = False
 ACTIONS = tuple((angle, speed) for speed in (0.5, 1.0) for angle in (-30.0, -15.0, 0.0, 15.0, 30.0))
 """Steering (degrees, positive to the left) and speed (m/s) to choose from, by default."""
-STEERING_LIMIT, SPEED_LIMITS = 30.0, (0.1, 4.0)
-"""The real car clips every command to these, degrees and m/s."""
 
 
 def commands_of(actions: Sequence[tuple[float, float]]) -> NDArray[np.float64]:
