@@ -113,7 +113,7 @@ def test_it_says_what_is_paid_and_printed_and_how_long_it_takes(repaint, home):
     said = repaint("tasks", "check", card(home, source))
     assert said.code == 0
     line = said.out.splitlines()[-1]
-    assert line.startswith("mine.py pays -1 to 2.5 in 1")
+    assert line.startswith("note: mine.py pays -1 to 2.5 in 1")
     assert re.search("which end [4-8] laps; 9[0-9]% of the steps are paid 0.125; a call", line)
     assert line.endswith("µs and prints 1 line a call")
 

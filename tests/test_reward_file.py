@@ -303,7 +303,9 @@ def test_a_function_that_keeps_nothing_is_resumed_without_a_word(repaint, mine):
 def test_the_check_names_what_is_kept(repaint, mine, home):
     (home / "reward.py").write_text(EPISODES)
     line = repaint("tasks", "check", mine).out.splitlines()[-1]
-    assert line.startswith("reward.py remembers, as its variables change: episodes; they last as ")
+    assert line.startswith(
+        "note: reward.py remembers, as its variables change: episodes; they last as "
+    )
 
 
 SPEEDS = "def reward_function(params):\n    return {0.5: 1.0, 1.0: 2.0}[params['speed']]\n"

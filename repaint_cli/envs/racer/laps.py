@@ -2,7 +2,7 @@
 
 from math import ceil
 
-from repaint_cli.envs.racer.actions import Actions
+from repaint_cli.envs.racer.actions import Actions, beyond_the_car
 from repaint_cli.envs.racer.dynamics.car import STEP_SECONDS
 from repaint_cli.envs.racer.track.files import load_track
 
@@ -16,7 +16,13 @@ def time_limit(track: str, actions: Actions) -> int:
     return max(LEAST_LIMIT, ceil(1.5 * _lap_steps(track, slowest)))
 
 
-def longer_than(limit: int, track: str, actions: Actions) -> str | None:
+def doubts_about(track: str, actions: Actions, limit: int) -> list[str]:
+    """Return sentences about actions beyond the car, and laps of more than `limit` steps."""
+    lines = beyond_the_car(actions), _too_long(track, actions, limit)
+    return [line for line in lines if line]
+
+
+def _too_long(track: str, actions: Actions, limit: int) -> str | None:
     """Return a sentence where a lap takes longer than an episode may, `limit` steps."""
     speeds = [speed for _, speed in actions]
     for speed, which, what in (

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 from pydantic import Field, field_validator
 
 from repaint_cli.envs.checked_file import CheckedFile
-from repaint_cli.envs.racer.actions import beyond_the_car, check_actions
+from repaint_cli.envs.racer.actions import check_actions
 from repaint_cli.envs.racer.mirror import symmetries_of, unpaired_action
 from repaint_cli.envs.racer.names import BOT_RECORDS, BOT_TERMS, RECORDS, TERMS
 from repaint_cli.envs.simulator import Simulator
@@ -135,11 +135,9 @@ class RacerSimulator(Simulator):
 
     def doubts(self) -> list[str]:
         """Return actions beyond the car, and laps beyond the limit; see `Simulator.doubts`."""
-        from repaint_cli.envs.racer.laps import longer_than
+        from repaint_cli.envs.racer.laps import doubts_about
 
-        limit = self.longest_episode()
-        lines = beyond_the_car(self.actions), longer_than(limit, self.track, self.actions)
-        return [line for line in lines if line]
+        return doubts_about(self.track, self.actions, self.longest_episode())
 
     # The task
 
