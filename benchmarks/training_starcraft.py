@@ -3,7 +3,7 @@
     python benchmarks/training_starcraft.py
 
 The paper's numbers: two games an iteration, 6 epochs of minibatches of 64, SC2LE's first network,
-whose layers policy and critic share. Games last 3 minutes, 360 steps. The bound is what the
+whose layers policy and critic share. Games last 90 seconds, 180 steps. The bound is what the
 arithmetic alone needs, bare convolutions in torch's fastest layout, and then the simulator alone,
 all on two cores. The game itself does about 28 steps a second and process, without learning, by
 PySC2's documentation; Reaver, another project, logs 512 a second of many games with images of
@@ -22,7 +22,7 @@ from turns import Measurements, Table, median, run, span
 from repaint_cli.learn.side_by_side import side_by_side
 from repaint_cli.tasks.card_files import read_task
 
-SETTINGS = ["env.minutes=3"]
+SETTINGS = ["env.minutes=1.5"]
 EPOCHS, MINIBATCH, ITERATIONS = 6, 64, 2
 SCREEN, CHANNELS, VECTORS, OUTPUTS = 84, (9, 3), 12, 7 + 84 + 84 + 1
 GAMES = 2

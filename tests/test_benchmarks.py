@@ -14,9 +14,11 @@ ROOT = Path(__file__).parents[1]
 NAMES = (
     "training_mujoco",
     "training_racer",
+    "training_starcraft",
     "startup",
     "scaling",
     "simulators",
+    "starcraft",
     "pieces",
     "records",
     "crowded",

@@ -66,7 +66,7 @@ def type_in(call):
     words = shlex.split(call, comments=True)
     if words[1] == "reproduce" and words[2] not in ("run", "list", "copy", "--help"):
         words.insert(2, "run")  # which may be left out
-    command = next((c for n in (3, 2) if (c := COMMANDS.get(" ".join(words[:n])))), None)
+    command = next((c for n in (4, 3, 2) if (c := COMMANDS.get(" ".join(words[:n])))), None)
     if command is None:
         assert words[1:] in (["--help"], ["--version"]), f"there is no command {call}"
     else:

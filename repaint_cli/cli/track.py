@@ -25,7 +25,7 @@ def from_centre_line(
 
     Examples:
         repaint tasks track from-centre-line my-line.csv --width 0.76
-        repaint tasks check my-line-track.npy
+        repaint tasks track from-centre-line my-line.csv --output my-track.npy
     """
     from repaint_cli.cli.console import plain
     from repaint_cli.envs.racer.track.centre_line import write_track_around

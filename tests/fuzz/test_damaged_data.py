@@ -41,7 +41,7 @@ RECORDS = {
     "a teacher's name": (record(teachers=[{"name": "[/]"}]), "teachers.0.name: .*match pattern"),
     "a nameless teacher": (record(teachers=[{}]), "teachers.0.name: Field required"),
     "a surrogate": (record(state="\ud800"), "surrogates not allowed"),
-    "a BOM": ("\ufeff{}", "Unexpected UTF-8 BOM"),
+    "a BOM and nothing": ("\ufeff{}", "method: Field required"),
     "another task": (record(task=[]), "task: .*valid dictionary"),
     "an old teacher": (record(schema_version=1, teacher=7), "teachers.0: .*"),
 }
