@@ -20,10 +20,10 @@ from typing import Any
 import gymnasium
 import numpy as np
 import torch
+from arithmetic import Network, seconds_of_a_pass
 from torch import nn
 from turns import Measurements, Table, median, run, span
 
-from repaint_cli.learn.side_by_side import side_by_side
 from repaint_cli.tasks.card_files import read_task
 
 CARS, EPOCHS, MINIBATCH, SB3_STEPS = 20, 8, 64, 1280
@@ -119,22 +119,14 @@ def bound(pool: int, precision: str) -> float:
 def _seconds(pool: int, dtype: torch.dtype, *, backward: bool, times: int = 12) -> float:
     """Return the time of a pass over a minibatch of both networks, each on a core of its own."""
 
-    def passes(n: int) -> None:
+    def make() -> Network:
         layers = nn.Sequential(*convolutions(pool), nn.Linear(512, 10))
         layers = layers.to(memory_format=torch.channels_last)
         first, rest = layers[0], layers[1:].to(dtype)  # the first is faster in float32
         images = torch.rand(MINIBATCH, 1, 120 // pool, 160 // pool)
-        for _ in range(n):
-            with torch.set_grad_enabled(backward):
-                out = rest(first(images).to(dtype))
-                if backward:
-                    layers.zero_grad()
-                    out.sum().backward()
+        return layers, lambda: rest(first(images).to(dtype))
 
-    side_by_side([partial(passes, 2)] * 2)  # what is done once is not counted
-    started = perf_counter()
-    side_by_side([partial(passes, times)] * 2)
-    return (perf_counter() - started) / times
+    return seconds_of_a_pass(make, backward=backward, times=times)
 
 
 def simulation(steps: int = 60) -> float:

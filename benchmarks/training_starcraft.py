@@ -1,4 +1,4 @@
-"""Training steps per second on StarCraft II: repaint, the bound, and what others say.
+"""Training steps per second on StarCraft II: repaint, the bound, and what others report.
 
     python benchmarks/training_starcraft.py
 
@@ -16,10 +16,10 @@ from time import perf_counter
 
 import numpy as np
 import torch
+from arithmetic import Network, seconds_of_a_pass
 from torch import nn
 from turns import Measurements, Table, median, run, span
 
-from repaint_cli.learn.side_by_side import side_by_side
 from repaint_cli.tasks.card_files import read_task
 
 SETTINGS = ["env.minutes=1.5"]
@@ -27,7 +27,7 @@ EPOCHS, MINIBATCH, ITERATIONS = 6, 64, 2
 SCREEN, CHANNELS, VECTORS, OUTPUTS = 84, (9, 3), 12, 7 + 84 + 84 + 1
 GAMES = 2
 PYSC2, REAVER = 28.0, 512.0
-"""Steps per second that are said of others."""
+"""Steps per second that others report."""
 
 
 def repaint(seeds: int, precision: str) -> float:
@@ -82,24 +82,16 @@ class Layers(nn.Module):
 def _seconds(dtype: torch.dtype, batch: int, backward: bool, times: int = 20) -> float:
     """Return the time of a pass over a batch, on one of two cores that both work."""
 
-    def passes(n: int) -> None:
+    def make() -> Network:
         layers = Layers(dtype).to(memory_format=torch.channels_last)
         images = [
             torch.rand(batch, n_in, SCREEN, SCREEN).to(memory_format=torch.channels_last)
             for n_in in CHANNELS
         ]
         vector = torch.rand(batch, VECTORS)
-        for _ in range(n):
-            with torch.set_grad_enabled(backward):
-                out = layers(images, vector)
-                if backward:
-                    layers.zero_grad()
-                    out.sum().backward()
+        return layers, lambda: layers(images, vector)
 
-    side_by_side([partial(passes, 2)] * 2)  # what is done once is not counted
-    started = perf_counter()
-    side_by_side([partial(passes, times)] * 2)
-    return (perf_counter() - started) / times
+    return seconds_of_a_pass(make, backward=backward, times=times)
 
 
 def simulation(steps: int = 200) -> float:
@@ -126,7 +118,7 @@ SIDES = {
 
 
 def tables(measured: Measurements) -> Iterator[Table]:
-    """Yield steps per second beside the bound and what others say."""
+    """Yield steps per second beside the bound and what others report."""
     rows = []
     for side, rates in measured.items():
         most = measured[f"bound, {side.rpartition(', ')[2]}"]

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode
 from small_learners import learner_of
+from small_reward_card import CARD
 
 from repaint_cli.envs.racer.deepracer.reward_file import RewardFile
 from repaint_cli.envs.racer.env import RacerVectorEnv
@@ -34,28 +35,6 @@ def reward_function(params):
     global calls
     calls += 1
     return calls
-"""
-CARD = """
-extends = "racer-inner"
-summary = "Keep to the middle."
-
-[env]
-max_steps = 6
-
-[reward]
-function = "reward.py"
-
-[net]
-conv = [[4, 8, 8]]
-dense = 8
-
-[ppo]
-n_iterations = 1
-n_episodes = 2
-n_epochs = 1
-
-[eval]
-episodes = 2
 """
 
 

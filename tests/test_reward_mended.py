@@ -4,33 +4,13 @@ import csv
 import json
 
 import pytest
+import small_reward_card
 
 from repaint_cli.errors import CardError
 
 pytestmark = pytest.mark.usefixtures("unpainted")  # no picture of a run is looked at
 
-CARD = """
-extends = "racer-inner"
-summary = "Mine."
-
-[env]
-max_steps = 6
-
-[reward]
-function = "reward.py"
-
-[net]
-conv = [[4, 8, 8]]
-dense = 8
-
-[ppo]
-n_iterations = 4
-n_episodes = 2
-n_epochs = 1
-
-[eval]
-episodes = 2
-"""
+CARD = small_reward_card.CARD.replace("n_iterations = 1", "n_iterations = 4")
 LATE = """
 episodes = 0
 

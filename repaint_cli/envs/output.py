@@ -52,30 +52,51 @@ class Output:
         _screen().write(f"{what}: {shown}\n")
 
 
-class PrintsInFile(Output):
+class CountedPrints(Output):
+    """Counts what is printed, and keeps warnings; shows neither."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.n_lines = 0
+        self.warnings = dict[str, None]()
+        """In order, each once."""
+        self._head = ""
+
+    def prints(self, text: str) -> None:
+        """Count lines, and keep the first one."""
+        self.n_lines += text.count("\n")
+        if len(self._head) < EXAMPLE:
+            self._head = (self._head + text).lstrip()
+
+    def warns(self, text: str) -> None:
+        """Keep a warning."""
+        self.warnings[text] = None
+
+    @property
+    def example(self) -> str:
+        """The beginning of the first line that is not empty; "" where nothing was printed."""
+        return self._head.partition("\n")[0].strip()[:EXAMPLE]
+
+
+class PrintsInFile(CountedPrints):
     """Keeps prints for a file, which is made with the first of them; warnings are shown once."""
 
     def __init__(self) -> None:
         super().__init__()
         self.path: Path | None = None
         """Of the file; absent while its folder is not there."""
-        self.n_lines = 0
-        """How many lines were printed, also those beyond what is kept."""
-        self._kept, self._size, self._head = list[str](), 0, ""
+        self._kept, self._size = list[str](), 0
 
     def prints(self, text: str) -> None:
         """Count and keep what was printed."""
-        self.n_lines += text.count("\n")
-        if len(self._head) < EXAMPLE:
-            self._head = (self._head + text).lstrip()
+        super().prints(text)
         if self._size <= LARGEST_LOG:
             self._size += len(text)
             self._kept.append(text if self._size <= LARGEST_LOG else "\n(and so on)\n")
 
-    @property
-    def example(self) -> str:
-        """The beginning of the first line that is not empty; "" where nothing was printed."""
-        return self._head.partition("\n")[0].strip()[:EXAMPLE]
+    def warns(self, text: str) -> None:
+        """Show a warning, once."""
+        Output.warns(self, text)
 
     @contextmanager
     def kept_in(self, path: Path | None) -> Iterator[None]:
@@ -100,7 +121,7 @@ class PrintsInFile(Output):
             StoreError: the file cannot be written.
         """
         if self._kept and self.path is None:
-            super().prints("".join([*self._kept, "\n"]))
+            Output.prints(self, "".join([*self._kept, "\n"]))
         elif self._kept and self.path:
             with write_errors(self.path), self.path.open("a", encoding="utf-8") as file:
                 file.write("".join(self._kept))

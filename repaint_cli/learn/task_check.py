@@ -8,7 +8,7 @@ from math import floor, log10
 import gymnasium
 import numpy as np
 
-from repaint_cli.envs.output import Output, output_to
+from repaint_cli.envs.output import CountedPrints, output_to
 from repaint_cli.envs.reward_terms import RewardTerms
 from repaint_cli.errors import CardError, RepaintError, RewardFailed
 from repaint_cli.learn.checked_terms import CheckedTerms
@@ -55,7 +55,7 @@ class TaskCheck:
 
 def check_task(card: TaskCard) -> TaskCheck:
     """Play whole episodes as training begins, and tell all that it would stumble over."""
-    check, output = TaskCheck(), _Noted()
+    check, output = TaskCheck(), CountedPrints()
     with output_to(output):
         _drive(card, check)
         try:
@@ -63,7 +63,12 @@ def check_task(card: TaskCard) -> TaskCheck:
         except RepaintError as error:
             if not isinstance(error, RewardFailed) or error.place not in _places(check):
                 check.errors.append(error)
-    check.warnings += output.lines()
+    check.warnings += output.warnings
+    if output.example:
+        check.warnings.append(
+            f"the environment prints {max(1, output.n_lines)} lines, such as '{output.example}'; "
+            "in a training they go to environment.log in the run's folder"
+        )
     return check
 
 
@@ -121,34 +126,6 @@ def _play(card: TaskCard, check: TaskCheck) -> None:
     check.warnings += _oddities(env, rollout, [] if check.errors else check.returns, card)
     if line := narrow_features(student.normalizer):
         check.warnings.append(line)
-
-
-class _Noted(Output):
-    """Notes what an environment prints, and warnings."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self._printed, self._warnings = "", dict[str, None]()
-        self._n_lines = 0
-
-    def prints(self, text: str) -> None:
-        """Note the first line, and count all of them."""
-        self._n_lines += text.count("\n")
-        if len(self._printed) < 1000:
-            self._printed += text
-
-    def warns(self, text: str) -> None:
-        """Note a warning."""
-        self._warnings[text] = None
-
-    def lines(self) -> list[str]:
-        """Return what is worth a line each."""
-        first = next(filter(None, map(str.strip, self._printed.splitlines())), None)
-        prints = [] if first is None else [
-            f"the environment prints {max(1, self._n_lines)} lines, such as '{first:.60}'; in a "
-            "training they go to environment.log in the run's folder"
-        ]  # fmt: skip
-        return [*self._warnings, *prints]
 
 
 def _oddities(

@@ -90,11 +90,7 @@ def carry_out(
         owned as experiment,
         prints.kept_in(experiment.plan.files.environment_log),  # while the folder is held
     ):
-        track, notices = trackers_of(experiment.plan.files, track)
-        experiment.notices += notices
-        experiment.prints = prints
-        remember(experiment.plan.folder)
-        watcher.begin(experiment)
+        track = _begin(experiment, watcher, prints, track)
         ended_by = _train(experiment, watcher, prints, track)
         if ended_by and not finish_interrupted:
             raise ended_by
@@ -104,6 +100,18 @@ def carry_out(
     if ended_by:
         raise ended_by
     return trained
+
+
+def _begin(
+    experiment: Experiment, watcher: Watcher, prints: PrintsInFile, track: Sequence[str]
+) -> Sequence[str]:
+    """Make a run ready, and tell who follows it; return the trackers, also earlier ones of it."""
+    track, notices = trackers_of(experiment.plan.files, track)
+    experiment.notices += notices
+    experiment.prints = prints
+    remember(experiment.plan.folder)
+    watcher.begin(experiment)
+    return track
 
 
 def _train(

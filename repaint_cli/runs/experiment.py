@@ -91,7 +91,7 @@ class Experiment:
         experiment.notices += [*progress.notices, *record.go_on_with(versions())]
         experiment.notices += experiment.learner.bring_streams_back(experiment.card)
         experiment.notices += forgotten(experiment.card, progress)
-        experiment.notices += plan.said
+        experiment.notices += plan.notices
         record.mended += [k] if plan.mended else []
         if k:  # else it begins anew, after what teachers played
             experiment.progress = progress

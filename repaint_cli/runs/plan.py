@@ -50,8 +50,8 @@ class Plan:
     """Whom the teacher was chosen among, if it was measured; the steps of that count."""
     begun: RunRecord | None = None
     """The record of a run that goes on; None of a new one."""
-    said: tuple[str, ...] = ()
-    """What was noticed of a run that goes on."""
+    notices: tuple[str, ...] = ()
+    """Warnings about a run that goes on."""
     mended: bool = False
     """Whether its reward function has another text than before."""
 

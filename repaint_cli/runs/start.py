@@ -96,7 +96,7 @@ def plan_resume(
     task, done = mended_task(run), run.returns.shape[1]
     check_mended(run, task)
     plan = plan_of(run.record, task, folder)
-    plan = replace(plan, said=tuple(notices_of_text(run, task)), mended=task != run.task)
+    plan = replace(plan, notices=tuple(notices_of_text(run, task)), mended=task != run.task)
     if for_teacher is not None and (plan.teacher_name is not None) != for_teacher:
         raise UsageError(f"{folder} was begun otherwise; go on with: {plan.resume_command}")
     if iterations is not None:

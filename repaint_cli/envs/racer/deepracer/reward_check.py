@@ -8,7 +8,7 @@ from time import perf_counter
 
 import numpy as np
 
-from repaint_cli.envs.output import Output, captured, output_to
+from repaint_cli.envs.output import CountedPrints, captured, output_to
 from repaint_cli.envs.racer.deepracer.reward_file import RewardFunction
 from repaint_cli.envs.racer.dynamics.car import YAW, commands_of
 from repaint_cli.envs.racer.dynamics.directions import Rows
@@ -32,8 +32,8 @@ LAP_STEPS, LAP_SPEED = 4000, 1.0
 """They take so many steps at most, and of the listed speeds the greatest up to this, m/s."""
 SECONDS = 15.0
 """After so long it is enough, however slow the function is."""
-MOST_WAYS = 3
-"""Ways to fail that are told."""
+MOST_FAILURES = 3
+"""After so many different ones it is enough."""
 SLOW = 2e-3
 """Seconds a call from which on training is noticeably slower."""
 
@@ -47,7 +47,7 @@ class _Drive:
         Raises:
             CardError: [env] is refused.
         """
-        track = load_track(env.track)
+        track = load_track(env.track, env.waypoints)
         steps = env.longest_episode()
         try:
             self.fleet = Fleet(track, N_CARS, env.car, steps, env.n_bots, env.crash)
@@ -101,22 +101,6 @@ class _Drive:
         return t >= N_STEPS and (2 * self.n_laps >= LAP_CARS or t >= LAP_STEPS)
 
 
-class _Heard(Output):
-    """Counts what the function prints, and keeps what it warns of."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.n_lines, self.warnings = 0, dict[str, None]()
-
-    def prints(self, text: str) -> None:
-        """Count lines."""
-        self.n_lines += text.count("\n")
-
-    def warns(self, text: str) -> None:
-        """Keep a warning, once."""
-        self.warnings[text] = None
-
-
 def check_function(env: RacerSimulator, name: str, source: str) -> FunctionCheck:
     """Let a function pay 64 cars that drive in all ways, some of them to the end of a lap.
 
@@ -128,10 +112,10 @@ def check_function(env: RacerSimulator, name: str, source: str) -> FunctionCheck
     Raises:
         CardError: the text does not run or has no such function, or [env] is refused.
     """
-    heard, paid, failed = _Heard(), list[float](), dict[str, RewardFailed]()
+    output, paid, failed = CountedPrints(), list[float](), dict[str, RewardFailed]()
     drive, t, seconds = _Drive(env), 0, 0.0
     began = perf_counter()
-    with output_to(heard), captured():
+    with output_to(output), captured():
         functions = [RewardFunction(name, source) for _ in range(N_CARS)]
         while not drive.is_enough(t) and perf_counter() - began < SECONDS:
             rows, chosen = drive.step(t)
@@ -144,11 +128,11 @@ def check_function(env: RacerSimulator, name: str, source: str) -> FunctionCheck
                 except RewardFailed as error:
                     failed.setdefault(error.place, error)
                 seconds += perf_counter() - before
-            if len(failed) >= MOST_WAYS:
+            if len(failed) >= MOST_FAILURES:
                 break
-    check = FunctionCheck(errors=list(failed.values()), warnings=list(heard.warnings))
+    check = FunctionCheck(errors=list(failed.values()), warnings=list(output.warnings))
     if not failed:
-        _describe(check, name, paid, seconds / len(paid), heard.n_lines, drive.n_laps)
+        _describe(check, name, paid, seconds / len(paid), output.n_lines, drive.n_laps)
         if changed := functions[0].remembers():
             check.notes.append(
                 f"{name} remembers, as its variables change: {some(changed)}; they last as long as "

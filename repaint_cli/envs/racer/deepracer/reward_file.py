@@ -23,14 +23,14 @@ LIMIT = 1e5
 """DeepRacer ends a job whose rewards are larger."""
 
 
-TELLING = (
+KEYS_SHOWN = (
     "all_wheels_on_track", "is_offtrack", "is_crashed", "is_reversed", "is_left_of_center",
     "distance_from_center", "track_width", "progress", "speed", "steering_angle", "heading", "x",
     "y", "closest_waypoints", "closest_objects", "object_in_camera", "projection_distance",
     "track_length", "sim_time",
 )  # fmt: skip
-"""The keys of `params` that are told where a function fails: those without long lists."""
-MOST_TOLD = 8
+"""The keys of `params` whose values an error may show: those without long lists."""
+MOST_SHOWN = 8
 MODULE = "reward_function"
 """What DeepRacer calls the module, whatever the file is called."""
 
@@ -72,7 +72,7 @@ class RewardFunction(UserFunction):
             )
         self._function, self._module = function, module
         self._at_first = fingerprints(module, MODULE)
-        self._telling = [name for name in TELLING if re.search(rf"['\"]{name}['\"]", source)]
+        self._keys = [name for name in KEYS_SHOWN if re.search(rf"['\"]{name}['\"]", source)]
         self._line = getattr(getattr(function, "__code__", None), "co_firstlineno", 1)
 
     def __call__(self, params: dict[str, Any], row: int) -> float:
@@ -103,10 +103,10 @@ class RewardFunction(UserFunction):
         return sorted(name for name in now if now[name] != self._at_first.get(name))
 
     def _moment(self, params: dict[str, Any], row: int) -> str:
-        """Return the step, and what `params` said of it in the keys that the function names."""
-        said = [f"{name} = {_short(params.get(name))}" for name in self._telling]
+        """Return the step, and what `params` held of it in the keys that the function names."""
+        values = [f"{name} = {_short(params.get(name))}" for name in self._keys]
         return ", ".join(
-            [f"at step {_short(params.get('steps'))} of environment {row}", *said[:MOST_TOLD]]
+            [f"at step {_short(params.get('steps'))} of environment {row}", *values[:MOST_SHOWN]]
         )
 
     def _describe(self, error: BaseException) -> str:
