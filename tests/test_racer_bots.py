@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
 from repaint_cli.envs.racer.dynamics import bots
-from repaint_cli.envs.racer.dynamics.bots import SIDE, YAW, Bots, X, Y
+from repaint_cli.envs.racer.dynamics.bots import SIDE, YAW, X, Y
+from repaint_cli.envs.racer.dynamics.objects import Objects, ObjectSettings, places
 from repaint_cli.envs.racer.track.track import Track
 
 TRACKS = Path(__file__).parents[1] / "tasks" / "racer" / "tracks"
@@ -26,21 +27,22 @@ def track(request):
 
 
 def started(track, n=3, n_bots=4, seed=0):
-    some = Bots(n, n_bots)
+    some = Objects(n, ObjectSettings(n_bots))
     some.start(track, np.arange(n), [np.random.default_rng(seed + i) for i in range(n)])
     return some
 
 
 @given(seed=st.integers(0, 10_000), n_bots=st.integers(1, 4))
 def test_bots_start_two_metres_apart_where_there_is_room(seed, n_bots):
-    where = bots.places(n_bots, 23.0, np.random.default_rng(seed))
+    where, _ = places(ObjectSettings(n_bots), 23.0, np.random.default_rng(seed))
     assert where[0] >= 2
     assert where[-1] <= 22
     assert all(b - a >= 2 for a, b in pairwise(where))
 
 
 def test_a_place_is_drawn_from_all_the_room_it_has():
-    drawn = [bots.places(1, 23.0, np.random.default_rng(seed))[0] for seed in range(500)]
+    one = ObjectSettings(1)
+    drawn = [places(one, 23.0, np.random.default_rng(seed))[0][0] for seed in range(500)]
     assert min(drawn) < 2.2
     assert max(drawn) > 21.8
 

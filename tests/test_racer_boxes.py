@@ -37,7 +37,8 @@ def car_at(x=0.0, y=0.0, yaw=0.0):
 
 def drawn(state, poses, eye_offset=0.0):
     images = np.full((1, camera.HEIGHT, camera.WIDTH, 1), 200, np.uint8)
-    boxes.draw_rows(np.zeros(1, int), state, poses[None], eye_offset, camera.lens(), images, 0)
+    row, lens = np.zeros(1, int), camera.lens()
+    boxes.draw_rows(row, state, poses[None], boxes.BOT, eye_offset, lens, images, 0)
     return images[0, :, :, 0]
 
 
@@ -46,7 +47,10 @@ def met(state, poses, along=0.0, bots_along=(1.0, 5.0)):
     bots_along = np.array([bots_along[: len(poses)]])
     lens = camera.lens()
     where = np.array([along])
-    encounters.meet(np.zeros(1, int), state, where, LENGTH, poses[None], bots_along, lens, out)
+    body = encounters.CAR_BODY
+    encounters.meet(
+        np.zeros(1, int), state, where, LENGTH, poses[None], bots_along, body, body, lens, out
+    )
     return out[0]
 
 
@@ -125,7 +129,7 @@ def test_the_lidar_reads_what_its_slow_twin_reads(seed):
     rng = np.random.default_rng(seed)
     state, poses = car_at(0.0, 0.0, rng.uniform(-np.pi, np.pi)), scattered(rng, 4, reach=1.0)
     ranges = np.zeros((1, 64))
-    boxes.scan_rows(np.zeros(1, int), state, poses[None], ranges)
+    boxes.scan_rows(np.zeros(1, int), state, poses[None], boxes.BOT, ranges)
     assert_allclose(ranges[0], reference.scan(state[0], poses), atol=2e-4)
     assert ranges.min() < 0.9
 
@@ -134,7 +138,7 @@ def test_the_lidar_is_blind_ahead_and_sees_behind():
     ranges = np.zeros((2, 64))
     states = np.vstack([car_at(), car_at()])
     poses = np.array([[[0.6, 0.0, 0.0, 1.0]], [[-0.6, 0.0, 0.0, 1.0]]])
-    boxes.scan_rows(np.arange(2), states, poses, ranges)
+    boxes.scan_rows(np.arange(2), states, poses, boxes.BOT, ranges)
     assert (ranges[0] == 1).all()
     gap = 0.6 + boxes.BEAM_X - boxes.BOT_LENGTH / 2
     assert ranges[1].min() == pytest.approx(gap, abs=2e-3)
@@ -149,7 +153,7 @@ def test_lidar_and_view_turn_with_the_car(yaw, x, y, turn):
     turned = np.array([[x * cos - y * sin, x * sin + y * cos, yaw + turn, 1.0]])
     ranges = np.zeros((2, 64))
     states = np.vstack([car_at(), car_at(0, 0, turn)])
-    boxes.scan_rows(np.arange(2), states, np.stack([poses, turned]), ranges)
+    boxes.scan_rows(np.arange(2), states, np.stack([poses, turned]), boxes.BOT, ranges)
     assert_allclose(ranges[0], ranges[1], atol=1e-9)
 
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from repaint_cli.envs.racer.dynamics.bots import Bots
 from repaint_cli.envs.racer.dynamics.fleet import Fleet
+from repaint_cli.envs.racer.dynamics.objects import Objects, ObjectSettings
 from repaint_cli.envs.racer.sight.sensors import Sensors
 from repaint_cli.envs.racer.track.files import load_track
 
@@ -39,9 +39,9 @@ def look(pose):
     if bot:
         ahead, beside, bot_turn = bot
         way = np.array([np.cos(yaw), np.sin(yaw)])
-        fleet.bots = Bots(1, 1)
+        fleet.objects = Objects(1, ObjectSettings(1))
         place = fleet.states[0, :2] + ahead * way + beside * np.array([-way[1], way[0]])
-        fleet.bots.poses[0, 0, :3] = *place, yaw + bot_turn
+        fleet.objects.poses[0, 0, :3] = *place, yaw + bot_turn
     sensors = Sensors(track, "stereo" if bot else "camera", 0.12, None, 1)
     (image,) = sensors.read(np.arange(1), fleet, [np.random.default_rng(0)])["camera"]
     return np.concatenate(np.moveaxis(image, 2, 0), axis=1)

@@ -10,6 +10,7 @@ from racer_reference import line_project, locate
 
 from repaint_cli.envs.racer.deepracer.params import CarState, closest_waypoints, params_of
 from repaint_cli.envs.racer.dynamics.car import FRONT_OFFSET
+from repaint_cli.envs.racer.dynamics.objects import ObjectSettings
 from repaint_cli.envs.racer.env import RacerVectorEnv
 from repaint_cli.envs.racer.sight.noise import Noise
 from repaint_cli.envs.racer.track.track import Track
@@ -56,7 +57,7 @@ def load(name):
 
 
 def driven(name="wide-loop", steps=5, reverse=False, n_bots=4, action=8, share=0.3):
-    env = RacerVectorEnv(load(name), 1, sensors="stereo", n_bots=n_bots)
+    env = RacerVectorEnv(load(name), 1, sensors="stereo", objects=ObjectSettings(n_bots))
     env.reset(seed=4, options={"lap_fraction": [share], "reverse": [reverse]})
     for _ in range(steps):
         env.step(np.full(1, action))
@@ -132,7 +133,7 @@ def test_a_moved_list_does_not_come_back():
 
 def test_bots_are_told_by_place_side_and_order():
     env, params = driven(steps=60, action=2)
-    bots, track = env._fleet.bots, load("wide-loop")
+    bots, track = env._fleet.objects, load("wide-loop")
     near, _ = line_project(track.centre, bots.poses[0, :, :2])
     assert_allclose(
         params["objects_distance_from_center"],
@@ -172,7 +173,8 @@ def test_a_reward_function_pays_what_real_logs_say(kind):
     track, rows = real_log(kind)
     nothing = {
         "is_reversed": False, "chosen": np.zeros(2), "progress": 0.0, "steps": 1, "seconds": 0.0,
-        "crashed": False, "poses": np.empty((0, 4)), "bots_along": np.empty(0),
+        "crashed": False, "poses": np.empty((0, 4)), "objects_along": np.empty(0),
+        "objects_speed": 0.0,
         "encounter": np.zeros(6),
     }  # fmt: skip
     yaw = np.deg2rad([float(row["yaw"]) for row in rows])

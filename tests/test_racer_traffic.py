@@ -9,6 +9,7 @@ from gymnasium.vector import AutoresetMode
 from numpy.testing import assert_allclose, assert_array_equal
 
 from repaint_cli.envs.racer.dynamics.bots import SIDE, X, Y
+from repaint_cli.envs.racer.dynamics.objects import ObjectSettings
 from repaint_cli.envs.racer.env import RacerVectorEnv
 from repaint_cli.envs.racer.names import STATUS
 from repaint_cli.envs.racer.sight.noise import Noise
@@ -22,7 +23,7 @@ STRAIGHT_FAST = 7
 
 def make(n=2, **kwargs):
     track = Track.from_waypoints(np.load(TRACKS / "wide-loop.npy"), "wide-loop")
-    given = {"sensors": "stereo+lidar", "n_bots": 4, "max_steps": 60} | kwargs
+    given = {"sensors": "stereo+lidar", "objects": ObjectSettings(4), "max_steps": 60} | kwargs
     return RacerVectorEnv(track, n, **given)
 
 
@@ -64,7 +65,10 @@ def test_a_car_and_its_bots_do_not_depend_on_neighbours_or_threads(noise):
 
 
 def test_two_eyes_are_the_one_camera_moved_aside():
-    one, two = make(1, sensors="camera", n_bots=0), make(1, sensors="stereo", n_bots=0)
+    one, two = (
+        make(1, sensors="camera", objects=ObjectSettings()),
+        make(1, sensors="stereo", objects=ObjectSettings()),
+    )
     (mono, _), (stereo, _) = one.reset(seed=1), two.reset(seed=1)
     assert stereo.shape == (1, 120, 160, 2)
     left, right = (stereo[0, ..., k].astype(float) for k in (0, 1))
@@ -75,9 +79,9 @@ def test_two_eyes_are_the_one_camera_moved_aside():
 def place_bot(env, ahead):
     """Put the first bot before or behind a car that has just started, the others far away."""
     fleet = env._fleet
-    fleet.bots.along[:] = fleet._measures[0, NDIST] * fleet.track.length + 10.0
-    fleet.bots.along[0, 0] = fleet._measures[0, NDIST] * fleet.track.length - 0.14 + ahead
-    fleet.bots.drive(fleet.track, np.arange(env.num_envs), 0.0)
+    fleet.objects.along[:] = fleet._measures[0, NDIST] * fleet.track.length + 10.0
+    fleet.objects.along[0, 0] = fleet._measures[0, NDIST] * fleet.track.length - 0.14 + ahead
+    fleet.objects.drive(fleet.track, np.arange(env.num_envs), 0.0)
 
 
 @pytest.mark.parametrize("crash", ["at-fault", "any"])
@@ -86,10 +90,10 @@ def test_driving_into_a_bot_is_a_crash_and_a_failure(crash):
     env.reset(seed=2, options={"lap_fraction": [0.3]})
     env._fleet.states[0, :2] = env._fleet.track.pose_at(np.array(0.3))[0]
     place_bot(env, 0.7)
-    env._fleet.bots.poses[0, 0, :2] = env._fleet.states[0, :2] + 0.45 * np.array(
+    env._fleet.objects.poses[0, 0, :2] = env._fleet.states[0, :2] + 0.45 * np.array(
         [np.cos(env._fleet.states[0, 2]), np.sin(env._fleet.states[0, 2])]
     )
-    env._fleet.bots.drive = lambda *_: None
+    env._fleet.objects.drive = lambda *_: None
     for _ in range(40):
         *_, terminated, truncated, info = env.step(np.full(1, STRAIGHT_FAST))
         if terminated[0]:
@@ -105,7 +109,7 @@ def test_driving_into_a_bot_is_a_crash_and_a_failure(crash):
 def test_being_hit_from_behind_ends_only_by_the_stricter_rule(crash, ends):
     env = make(1, crash=crash, autoreset_mode=AutoresetMode.DISABLED)
     env.reset(seed=2, options={"lap_fraction": [0.3]})
-    fleet, bots = env._fleet, env._fleet.bots
+    fleet, bots = env._fleet, env._fleet.objects
     place_bot(env, -0.30)
     bots.poses[0, 0, :3] = fleet.states[0, :3] - [
         0.30 * np.cos(fleet.states[0, 2]), 0.30 * np.sin(fleet.states[0, 2]), 0.0
@@ -128,7 +132,9 @@ def test_terms_follow_the_bots():
     for _ in range(55):
         driving = fleet.status == 0
         *_, info = env.step(rng.integers(10, size=8))
-        gaps = np.hypot(*(fleet.bots.poses[..., :2] - fleet.states[:, None, :2]).transpose(2, 0, 1))
+        gaps = np.hypot(
+            *(fleet.objects.poses[..., :2] - fleet.states[:, None, :2]).transpose(2, 0, 1)
+        )
         assert_array_equal(info["clear"][driving], (gaps.min(1) > 0.8)[driving])
         for name in TERMS:
             seen[name] |= set(info[name][driving])
@@ -142,12 +148,12 @@ def test_a_car_starts_in_the_lane_that_a_near_bot_does_not_go_to():
     fleet = env._fleet
     along = np.linspace(0, 1, 64, endpoint=False) * fleet.track.length
     for n in range(64):
-        apart = np.abs(fleet.bots.along[n] - along[n])
+        apart = np.abs(fleet.objects.along[n] - along[n])
         apart = np.minimum(apart, fleet.track.length - apart)
         centre = fleet.track.pose_at(np.array(along[n] / fleet.track.length))[0]
         off = np.hypot(*(fleet.states[n, :2] - centre))
         if apart.min() < 1:
-            near = fleet.bots.poses[n, apart.argmin()]
+            near = fleet.objects.poses[n, apart.argmin()]
             assert off == pytest.approx(fleet.track.width / 4, rel=0.05)
             assert np.hypot(near[X] - fleet.states[n, 0], near[Y] - fleet.states[n, 1]) > 0.3
             sides.append(near[SIDE])

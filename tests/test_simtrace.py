@@ -126,7 +126,7 @@ def test_logs_of_other_settings_are_left_alone(tmp_path):
 def test_every_column_of_a_trace_is_the_cars():
     """Two cars of one seed; the first touches a bot twice, the second drives the other way."""
     names = read_task("racer-avoid").env.records
-    records = {name: np.zeros((5, 1, 2)) for name in names if name != "bots"}
+    records = {name: np.zeros((5, 1, 2)) for name in names if name != "objects"}
     records["heading"][:, 0, 0] = np.pi / 2
     records["wheels_on"][:, 0, 0] = [4, 4, 3, 4, 0]
     records["hit"][:, 0, 0] = [0, 1, 1, 0, 1]

@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from repaint_cli.envs.racer.dynamics.car import ACTIONS
 from repaint_cli.envs.racer.env import RacerVectorEnv
-from repaint_cli.envs.racer.names import BOT_TERMS, TERMS
+from repaint_cli.envs.racer.names import OBJECT_TERMS, TERMS
 from repaint_cli.envs.racer.sight import sensors
 from repaint_cli.envs.racer.sight.camera import WALLS, row_table
 from repaint_cli.envs.racer.sight.ground import TEXEL, ground_of
@@ -105,14 +105,14 @@ def test_states_and_terms_on_the_mirrored_track_are_equal_to_the_bit(steps):
     one, other = zip(*both, strict=True)
     infos = one[0][1].keys()
     assert infos >= TERMS
-    for name in infos - {"bots"}:
+    for name in infos - {"objects"}:
         sign = -1 if name in CHANGED else 1
         assert_array_equal(sign * named(one, name), named(other, name), err_msg=name)
-    if "bots" in infos:
-        assert_array_equal(named(one, "bots") * [1, -1, -1], named(other, "bots"))
+    if "objects" in infos:
+        assert_array_equal(named(one, "objects") * [1, -1, -1], named(other, "objects"))
     drove = named(one, "status")
     assert len(set(drove.ravel())) > 1, "no episode ended"
-    for name in TERMS | (BOT_TERMS & infos):
+    for name in TERMS | (OBJECT_TERMS & infos):
         assert named(one, name).any(), f"{name} is always 0"
 
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from repaint_cli.envs.racer.dynamics.bots import SIDE
-from repaint_cli.envs.racer.dynamics.encounters import NEXT, meet
+from repaint_cli.envs.racer.dynamics.encounters import CAR_BODY, NEXT, meet
 from repaint_cli.envs.racer.dynamics.rules import traffic_terms
 from repaint_cli.envs.racer.env import RacerVectorEnv
-from repaint_cli.envs.racer.names import BOT_TERMS, TERMS
+from repaint_cli.envs.racer.names import OBJECT_TERMS, TERMS
 from repaint_cli.envs.racer.sight.camera import lens
 from repaint_cli.envs.racer.simulator import RacerSimulator
 from repaint_cli.envs.racer.track.track import Track
@@ -42,7 +42,7 @@ def traffic_met(states, along, poses, bots_along, lanes):
     """The terms of cars (N, …) among bots (N, B, …) whose next bot's side is its pose's last."""
     n = len(states)
     met = np.zeros((n, 6))
-    meet(np.arange(n), states, along, 40.0, poses, bots_along, lens(), met)
+    meet(np.arange(n), states, along, 40.0, poses, bots_along, CAR_BODY, CAR_BODY, lens(), met)
     next_sides = poses[np.arange(n), met[:, NEXT].astype(int), SIDE]
     return traffic_terms(met, next_sides, lanes)
 
@@ -84,12 +84,12 @@ def unlike(symmetry, one, other, sided):
 
 def test_terms_on_the_same_road_stay_or_change_their_sign_as_the_symmetry_says(on_the_same_road):
     _, one, *_ = on_the_same_road
-    assert one.keys() == TERMS | BOT_TERMS
+    assert one.keys() == TERMS | OBJECT_TERMS
     assert all(values.any() for values in one.values())  # else any sign would do
     assert unlike(*on_the_same_road) == set()
 
 
-@pytest.mark.parametrize("name", sorted(TERMS | BOT_TERMS))
+@pytest.mark.parametrize("name", sorted(TERMS | OBJECT_TERMS))
 def test_every_wrong_parity_is_seen(on_the_same_road, name):
     symmetry, *played = on_the_same_road
     assert unlike(replace(symmetry, odd=symmetry.odd ^ {name}), *played) == {name}

@@ -145,7 +145,7 @@ def test_a_drive_of_unequal_lengths_is_refused():
 
 
 def test_bots_are_on_the_map_beside_the_car():
-    alone = replace(drive(3), bots=np.empty((3, 0, 3)))
+    alone = replace(drive(3), objects=np.empty((3, 0, 3)))
     with_bot, without = (
         list(racer_frames(**OVAL, episode=one, title="racer")) for one in (drive(3), alone)
     )

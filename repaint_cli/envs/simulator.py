@@ -47,14 +47,22 @@ class Simulator(Settings, ABC):
     has_noise: ClassVar[bool] = False
     """Whether `eval.noise` disturbs observations and actions."""
 
+    @property
+    def noise_in_training(self) -> bool:
+        """Whether the noise of evaluations disturbs training, too."""
+        return False
+
     @abstractmethod
-    def make(self, n_envs: int, one_episode: bool, noise: EvalConfig | None) -> "Environments":
+    def make(
+        self, n_envs: int, one_episode: bool, noise: EvalConfig | None, training: bool = False
+    ) -> "Environments":
         """Make N copies that step together, with next-step autoreset; see `Task.make_env`.
 
         Args:
             n_envs: N.
             one_episode: whether environments may stop for good after their first episode.
             noise: amplitudes of evaluation noise, where it is asked for.
+            training: whether they are for training, where more may be random than in evaluations.
 
         Raises:
             CardError: the environment cannot be made.

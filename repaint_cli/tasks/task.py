@@ -192,6 +192,7 @@ class Task(Settings):
         *,
         one_episode: bool = False,
         noise: EvalConfig | None = None,
+        training: bool = False,
         replayable: bool = False,
         functions: "Functions | None" = None,
     ) -> "RewardTerms":
@@ -201,6 +202,7 @@ class Task(Settings):
             n_envs: N.
             one_episode: whether environments may stop for good after their first episode.
             noise: the amplitudes of evaluation noise, where it is wanted and the simulator has it.
+            training: see `Simulator.make`.
             replayable: whether their episodes are to be such as can be played again, if possible.
             functions: the user's reward functions of earlier copies; see `RewardFunctions.apply`.
 
@@ -212,7 +214,7 @@ class Task(Settings):
 
         with captured():
             made = self.env.make_replayable(n_envs) if replayable else None
-            env = made or self.env.make(n_envs, one_episode, noise)
+            env = made or self.env.make(n_envs, one_episode, noise, training)
         code, kind = self.reward_code, self.env.reward_functions
         if code and kind:
             env = kind.apply(env, code.name, code.source, functions)

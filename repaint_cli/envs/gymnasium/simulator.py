@@ -66,7 +66,9 @@ class GymnasiumSimulator(Simulator):
         """The paper's Reacher or Ant, or another environment of MuJoCo's."""
         return PLATFORMS.get(self.id.rpartition("-v")[0])
 
-    def make(self, n_envs: int, one_episode: bool, noise: EvalConfig | None) -> "Environments":
+    def make(
+        self, n_envs: int, one_episode: bool, noise: EvalConfig | None, training: bool = False
+    ) -> "Environments":
         """Make N copies; they have no noise. See `Simulator.make`."""
         from repaint_cli.envs.gymnasium.vector import make_gym
 

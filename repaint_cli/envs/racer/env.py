@@ -23,8 +23,10 @@ from repaint_cli.envs.racer.arguments import (
 )
 from repaint_cli.envs.racer.dynamics.car import ACTIONS, CAR_PROFILES, STEP_SECONDS, commands_of
 from repaint_cli.envs.racer.dynamics.directions import Rows
-from repaint_cli.envs.racer.dynamics.fleet import Fleet
+from repaint_cli.envs.racer.dynamics.fleet import NOTHING, Fleet
+from repaint_cli.envs.racer.dynamics.objects import ObjectSettings
 from repaint_cli.envs.racer.dynamics.rules import IN_PROGRESS, TIME_UP
+from repaint_cli.envs.racer.sight.appearance import RandomAppearance
 from repaint_cli.envs.racer.sight.noise import Noise, disturb_command
 from repaint_cli.envs.racer.sight.sensors import SENSORS, Readings, Sensors
 from repaint_cli.envs.racer.track.geometry import Floats
@@ -56,16 +58,17 @@ class RacerVectorEnv(VectorEnv[Any, NDArray[np.int64], Any]):
     generator, or where `reset(options={"lap_fraction": ...})` says; on an open track always at its
     beginning.
 
-    **Bots** drive the same road in its lanes, placed anew in every episode.
+    **Objects** are bots that drive the same road in its lanes, or boxes that stand there.
 
-    **End** by leaving the track with all wheels, crashing into a bot, completing the lap, standing
+    **End** by leaving the track with all wheels, crashing, completing the lap, standing
     still or driving backwards for 15 steps; truncated after `max_steps`.
 
     **Infos** arrays (N,) float64, the same keys at every step. Reward terms: `lane`, `keep`,
-    `dprog`, `fail`, and with bots `clear`, `hazard`, `camlane`. State: `x`, `y` (front point, m),
-    `heading` (rad), `speed` (true, m/s), `steering` (true, rad), `progress` (%), `lap_time` (s),
+    `dprog`, `fail`, and with objects `clear`, `hazard`, `camlane`. State: `x`, `y` (front point,
+    m), `heading` (rad), `speed` (true, m/s), `steering` (true, rad), `progress` (%), `lap_time`
+    (s),
     `wheels_on` (the road, 0 to 4), `waypoint` (index of the nearest) and `status`, an index into
-    `rules.STATUS`; with bots `bots`, (N, B, 3): x, y and heading of each, and `hit`.
+    `rules.STATUS`; with objects `objects`, (N, B, 3): x, y and heading of each, and `hit`.
     Progress is that of the front point, so it begins a little above 0.
 
     **Autoreset** NEXT_STEP starts a new episode in the step after the last, ignoring that action.
@@ -75,9 +78,10 @@ class RacerVectorEnv(VectorEnv[Any, NDArray[np.int64], Any]):
     def __init__(
         self, track: Track, num_envs: int, *, car: str = "sim4",
         actions: Sequence[tuple[float, float]] = ACTIONS, sensors: str = "camera",
-        n_bots: int = 0, crash: str = "at-fault", range_min: float = 0.12, max_steps: int = 1500,
-        noise: Noise | None = None, autoreset_mode: AutoresetMode = AutoresetMode.NEXT_STEP,
-        threads: int = 1,
+        objects: ObjectSettings = NOTHING, crash: str = "at-fault", range_min: float = 0.12,
+        max_steps: int = 1500, noise: Noise | None = None,
+        appearance: RandomAppearance | None = None,
+        autoreset_mode: AutoresetMode = AutoresetMode.NEXT_STEP, threads: int = 1,
     ) -> None:  # fmt: skip
         """Build N cars on a track; `reset` puts them on the road.
 
@@ -87,11 +91,12 @@ class RacerVectorEnv(VectorEnv[Any, NDArray[np.int64], Any]):
             car: a name in `CAR_PROFILES`.
             actions: what to choose from, steering (degrees, left is positive) and speed (m/s).
             sensors: one of `SENSORS`.
-            n_bots: other cars on each track.
+            objects: bots or boxes on each track.
             crash: whether "any" crash ends an episode, or only one the car is "at-fault" in.
             range_min: what the lidar reads of anything nearer, m.
             max_steps: time limit of an episode, steps of 1/15 s.
             noise: disturbances of actions and images, or None.
+            appearance: what of the images is drawn anew for each episode, or None.
             autoreset_mode: NEXT_STEP or DISABLED.
             threads: that draw images.
 
@@ -103,10 +108,10 @@ class RacerVectorEnv(VectorEnv[Any, NDArray[np.int64], Any]):
         check_names(car=(car, CAR_PROFILES), sensors=(sensors, SENSORS), crash=(crash, CRASHES))
         self._set_autoreset(autoreset_mode)
         self.num_envs, self.track = num_envs, track
-        self._sensors = Sensors(track, sensors, range_min, noise, threads)
+        self._sensors = Sensors(track, sensors, range_min, noise, threads, appearance)
         self._actions = commands_of(actions)
         self._set_spaces()
-        self._fleet = Fleet(track, num_envs, car, max_steps, n_bots, crash)
+        self._fleet = Fleet(track, num_envs, car, max_steps, objects, crash)
         self._chosen = np.zeros((num_envs, 2))  # the listed commands of the last step
         self._noise, self._is_reset = noise, False
         self._rngs = [np.random.default_rng() for _ in range(num_envs)]
@@ -224,6 +229,7 @@ class RacerVectorEnv(VectorEnv[Any, NDArray[np.int64], Any]):
                 fractions[row] = self._rngs[row].integers(START_PLACES) / START_PLACES
         self._chosen[rows] = 0.0
         self._fleet.start(rows, fractions, self._reverse, self._rngs)
+        self._sensors.start(rows, self._rngs)
 
     def _infos(self, moving: Rows, gained: Floats) -> Infos:
         return self._fleet.terms(moving, gained) | self._fleet.report()

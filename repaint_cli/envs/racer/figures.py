@@ -8,7 +8,9 @@ import numpy as np
 from repaint_cli.envs.episodes import Episodes
 from repaint_cli.envs.racer.deepracer.simtrace_reader import read_training
 from repaint_cli.envs.racer.dynamics.car import FRONT_OFFSET
-from repaint_cli.envs.racer.film import FilmedEpisode, racer_frames
+from repaint_cli.envs.racer.dynamics.fleet import NOTHING
+from repaint_cli.envs.racer.dynamics.objects import ObjectSettings
+from repaint_cli.envs.racer.film import CAR_SIZE, FilmedEpisode, racer_frames
 from repaint_cli.envs.racer.names import STATUS
 from repaint_cli.envs.racer.path_figure import plot_racer
 from repaint_cli.envs.racer.simulator import RacerSimulator
@@ -79,14 +81,14 @@ def film(env: RacerSimulator, episodes: Episodes, path: Path, title: str, n_epis
             track.inner,
             track.outer,
             track.centre,
-            filmed(episodes, e),
+            filmed(episodes, e, env.objects),
             f"{title} · episode {e + 1}",
         )
     )
     write_video(frames, path, fps=15)
 
 
-def filmed(episodes: Episodes, e: int) -> FilmedEpisode:
+def filmed(episodes: Episodes, e: int, objects: ObjectSettings = NOTHING) -> FilmedEpisode:
     """Return an episode of the first seed as it is filmed; its observations were kept."""
     assert episodes.observations is not None
     observed = episodes.observations[0][e]
@@ -105,5 +107,7 @@ def filmed(episodes: Episodes, e: int) -> FilmedEpisode:
         reward=episodes.rewards[:steps, 0, e],
         images=images[..., 0],
         ranges=np.empty((steps, 0)) if ranges is None else ranges,
-        bots=state.get("bots", np.empty((steps, 0, 3))),
+        objects=state.get("objects", np.empty((steps, 0, 3))),
+        object_size=objects.box_size[:2] if objects.boxes else CAR_SIZE,
+        are_boxes=objects.boxes,
     )

@@ -29,7 +29,8 @@ FINE = 2
 """The map is drawn this many times finer and averaged, so that edges are smooth."""
 BEAM_ANGLES = np.deg2rad(np.rint(np.rad2deg(np.pi + FIRST_BEAM + np.array([0, BEAM_SPAN]))))
 """Of the lidar's first and last beam in whole degrees, to the left from straight ahead, rad."""
-CAR_COLOUR, BOT_COLOUR = "#009E73", "#666666"
+CAR_COLOUR, BOT_COLOUR, BOX_COLOUR = "#009E73", "#666666", "#D8A45F"
+CAR_SIZE = (CAR_LENGTH, CAR_WIDTH)
 CAMERA_HEIGHT = 360
 LIDAR_SIZE = 120
 """Of the lidar's view in the corner of the camera's, pixels."""
@@ -60,11 +61,17 @@ class FilmedEpisode:
     ranges: Floats
     """Of the lidar, from ahead on the left around the back to the right, (T, B), m; B is 0 without
     one."""
-    bots: Floats
-    """Other cars' x, y (m) and heading (rad), (T, B, 3)."""
+    objects: Floats
+    """Other cars' or boxes' x, y (m) and heading (rad), (T, B, 3)."""
+    object_size: tuple[float, float] = CAR_SIZE
+    """Their length and width, m."""
+    are_boxes: bool = False
+    """Whether they are boxes."""
 
     def __post_init__(self) -> None:
         for field in fields(self):
+            if not isinstance(getattr(self, field.name), np.ndarray):
+                continue
             n_steps = len(getattr(self, field.name))
             if n_steps != len(self.xy):
                 raise ValueError(f"{field.name} has {n_steps} steps, xy has {len(self.xy)}")
@@ -92,8 +99,12 @@ def racer_frames(
         trail = [tuple(point) for point in points[max(t - 1, 0) : t + 1]]
         pen.line(trail, colours[t], width=3 * FINE)
         view = road.copy()
-        for bot in episode.bots[t]:
-            _draw_car(view, to_pixels(_body(bot[:2], float(bot[2]))), BOT_COLOUR)
+        for x, y, heading in episode.objects[t].tolist():
+            body = to_pixels(_body(np.array([x, y]), heading, episode.object_size))
+            if episode.are_boxes:
+                _draw_box(view, body)
+            else:
+                _draw_car(view, body, BOT_COLOUR)
         _draw_car(view, to_pixels(_body(episode.xy[t], float(episode.heading[t]))), CAR_COLOUR)
         side = board.copy()
         _draw_numbers(side, episode, t, float(returns[t]))
@@ -144,13 +155,18 @@ def _ruler(figure: Figure, axes: Axes) -> None:
     figure.text(0.06, 0.06, "1 m", size=style.NOTE_SIZE, color=style.INK, va="center")
 
 
-def _body(xy: Floats, heading: float) -> Floats:
-    """Return the car's four corners and then its front point, (5, 2), m."""
-    ahead, left = CAR_LENGTH / 2, CAR_WIDTH / 2
+def _body(xy: Floats, heading: float, size: tuple[float, float] = CAR_SIZE) -> Floats:
+    """Return a body's four corners and then a car's front point, (5, 2), m."""
+    ahead, left = size[0] / 2, size[1] / 2
     corners = [[-ahead, -left], [ahead, -left], [ahead, left], [-ahead, left]]
     own = np.array([*corners, [FRONT_OFFSET, 0]])
     cos, sin = np.cos(heading), np.sin(heading)
     return np.asarray(xy + own @ np.array([[cos, sin], [-sin, cos]]))
+
+
+def _draw_box(view: Image.Image, body: Floats) -> None:
+    corners = [tuple(point) for point in body[:4]]
+    ImageDraw.Draw(view).polygon(corners, BOX_COLOUR, style.INK, width=FINE)
 
 
 def _draw_car(view: Image.Image, body: Floats, colour: str) -> None:

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from repaint_cli.envs.racer.arguments import check_names
 from repaint_cli.envs.racer.dynamics.car import STEP_SECONDS
+from repaint_cli.envs.racer.dynamics.objects import ObjectSettings
 from repaint_cli.envs.racer.env import RacerVectorEnv
-from repaint_cli.envs.racer.names import BOT_TERMS, TERMS
+from repaint_cli.envs.racer.names import OBJECT_TERMS, TERMS
 from repaint_cli.envs.racer.registration import MAX_EPISODE_STEPS
 from repaint_cli.envs.racer.track.files import Waypoints, load_track
 from repaint_cli.envs.reward_terms import RewardTerms
@@ -28,6 +29,8 @@ def make_cars(
     reward: Mapping[str, float] | None = None,
     max_episode_steps: int = MAX_EPISODE_STEPS,
     n_bots: int = 0,
+    n_boxes: int = 0,
+    objects: ObjectSettings | None = None,
     **settings: Any,
 ) -> "VectorEnv[Any, Any, Any]":
     """Make N cars, each on its own copy of a track; see `RacerVectorEnv`.
@@ -39,18 +42,21 @@ def make_cars(
         reward: weights of reward terms, by name; the progress of the step where absent.
         max_episode_steps: the time limit, steps of 1/15 s.
         n_bots: other cars on each track.
+        n_boxes: boxes on each track, where there are no other cars.
+        objects: either of them with all their settings.
         settings: further arguments of `RacerVectorEnv`.
 
     Raises:
         ValueError: an argument is out of range, or there is no such reward term.
         RepaintError: there is no such track.
     """
-    terms = TERMS | BOT_TERMS if n_bots else TERMS
+    objects = objects or ObjectSettings(n_bots or n_boxes, boxes=n_boxes > 0)
+    terms = TERMS | OBJECT_TERMS if objects.n else TERMS
     for name in reward or ():
         check_names(reward=(name, sorted(terms)))
     check_names(waypoints=(waypoints, get_args(Waypoints)))
     road = load_track(track, waypoints)
-    cars = RacerVectorEnv(road, num_envs, max_steps=max_episode_steps, n_bots=n_bots, **settings)
+    cars = RacerVectorEnv(road, num_envs, max_steps=max_episode_steps, objects=objects, **settings)
     return RewardTerms(cars, reward) if reward else cars
 
 

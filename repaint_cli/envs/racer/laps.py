@@ -1,9 +1,13 @@
-"""How long a lap takes, and what was mended in the track's file."""
+"""How long a lap takes, whether one is possible, and what was mended in the track's file."""
 
 from math import ceil
 
+import numpy as np
+
 from repaint_cli.envs.racer.actions import Actions, beyond_the_car
 from repaint_cli.envs.racer.dynamics.car import STEP_SECONDS
+from repaint_cli.envs.racer.dynamics.encounters import BODY_WIDTH
+from repaint_cli.envs.racer.dynamics.objects import ObjectSettings
 from repaint_cli.envs.racer.track.files import load_track
 
 LEAST_LIMIT = 1500
@@ -46,3 +50,18 @@ def notes_on(name: str) -> list[str]:
     """Return a sentence where something was mended in a track's file."""
     track = load_track(name)
     return [f"track '{track.name}': {track.note}"] if track.note else []
+
+
+def no_way_past(name: str, objects: ObjectSettings) -> list[str]:
+    """Return a sentence where a car cannot pass an object that is in the middle of a lane."""
+    if not objects.n:
+        return []
+    track = load_track(name)
+    width = float(np.hypot(*(track.inner - track.outer).T).min())
+    room, what = 0.75 * width - objects.body[1] / 2, "box" if objects.boxes else "bot"
+    if room > BODY_WIDTH:
+        return []
+    return [
+        f"no car can pass a {what} where the road is {width:.2f} m wide: {max(room, 0):.2f} m is "
+        f"left beside it, and the car has {BODY_WIDTH:.2f} m"
+    ]

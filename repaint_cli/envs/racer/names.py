@@ -6,14 +6,14 @@ RECORDS = (
 )  # fmt: skip
 """What is known of a car after each step."""
 
-BOT_RECORDS = ("bots", "hit")
-"""What is known besides of a car among bots."""
+OBJECT_RECORDS = ("objects", "hit")
+"""What is known besides of a car among bots or boxes."""
 
 TERMS = frozenset({"lane", "keep", "dprog", "fail"})
 """What every car may be paid for."""
 
-BOT_TERMS = frozenset({"clear", "hazard", "camlane"})
-"""What a car among bots may be paid for besides."""
+OBJECT_TERMS = frozenset({"clear", "hazard", "camlane"})
+"""What a car among bots or boxes may be paid for besides."""
 
 STATUS = (
     "in_progress", "lap_complete", "off_track", "immobilized", "reversed", "time_up", "crashed",

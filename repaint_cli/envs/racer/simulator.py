@@ -1,16 +1,13 @@
-"""Our racing simulator with its settings, behind the interface of simulators."""
+"""Our racing simulator behind the interface of simulators."""
 
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
-
-from pydantic import Field, field_validator
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from repaint_cli.envs.checked_file import CheckedFile
-from repaint_cli.envs.racer.actions import check_actions
 from repaint_cli.envs.racer.mirror import symmetries_of, unpaired_action
-from repaint_cli.envs.racer.names import BOT_RECORDS, BOT_TERMS, RECORDS, TERMS
-from repaint_cli.envs.simulator import Simulator
+from repaint_cli.envs.racer.names import OBJECT_RECORDS, OBJECT_TERMS, RECORDS, TERMS
+from repaint_cli.envs.racer.settings import RacerSettings
 from repaint_cli.errors import CardError, RepaintError
 from repaint_cli.settings import EvalConfig
 from repaint_cli.symmetry import Symmetry
@@ -23,58 +20,21 @@ if TYPE_CHECKING:
     from repaint_cli.envs.simulator import Environments
 
 
-class RacerSimulator(Simulator):
-    """Our racing simulator: a car with a camera on a track, alone or among bots."""
-
-    simulator: Literal["racer"]
-    """Which simulator this is."""
-    track: str = "reinvent-like"
-    """A shipped track, by name, or the path of a file of waypoints (`my-track.npy`)."""
-    waypoints: Literal["file", "unique"] = "file"
-    """How waypoints are numbered for reward functions and logs: as the rows of the track's file, as
-    DeepRacer did until March 2026, or without rows that repeat the one before."""
-    car: Literal["sim4", "sim5", "ideal"] = "sim4"
-    """The car's dynamics: two fits to real logs, or a bicycle without lag."""
-    actions: tuple[tuple[float, float], ...] = (
-        (-30, 0.5), (-15, 0.5), (0, 0.5), (15, 0.5), (30, 0.5),
-        (-30, 1), (-15, 1), (0, 1), (15, 1), (30, 1),
-    )  # fmt: skip
-    """Steering (degrees, left is positive, at most ±30) and speed (0.1 to 4 m/s) to choose from."""
-    sensors: Literal["camera", "camera+lidar", "stereo", "stereo+lidar"] = "camera"
-    """What the car sees with: one camera or two, 6 cm apart, and perhaps a lidar looking back."""
-    n_bots: int = Field(0, ge=0, le=16)
-    """Other cars on the road, which keep a lane at 0.2 m/s and change it every few seconds."""
-    crash: Literal["at-fault", "any"] = "at-fault"
-    """Which crashes end an episode: those with a bot ahead, as DeepRacer's do, or any."""
-    range_min: float = Field(0.12, ge=0, lt=1)
-    """What the lidar reads of anything nearer, m."""
-    max_steps: int | None = Field(None, gt=0)
-    """Time limit of an episode, in steps of 1/15 s; absent: one and a half times what a lap takes
-    at the slowest of `actions`, and at least 1,500."""
-
-    @field_validator("track")
-    @classmethod
-    def _from_any_folder(cls, track: str) -> str:
-        """Keep a file's whole path: a run or a teacher is used in other folders too."""
-        return str(Path(track).absolute()) if track.endswith(".npy") else track
-
-    @field_validator("actions")
-    @classmethod
-    def _drive_forwards(
-        cls, actions: tuple[tuple[float, float], ...]
-    ) -> tuple[tuple[float, float], ...]:
-        check_actions(actions)
-        return actions
+class RacerSimulator(RacerSettings):
+    """Our racing simulator: a car with a camera on a track, alone or among bots or boxes."""
 
     # Environments
 
     has_noise: ClassVar[bool] = True
 
-    def make(self, n_envs: int, one_episode: bool, noise: EvalConfig | None) -> "Environments":
+    def make(
+        self, n_envs: int, one_episode: bool, noise: EvalConfig | None, training: bool = False
+    ) -> "Environments":
         """Make N cars; see `Simulator.make`."""
         from gymnasium.vector import AutoresetMode
 
         from repaint_cli.envs.racer.env import RacerVectorEnv
+        from repaint_cli.envs.racer.sight.appearance import RandomAppearance
         from repaint_cli.envs.racer.sight.noise import Noise
         from repaint_cli.envs.racer.track.files import load_track
 
@@ -84,11 +44,15 @@ class RacerSimulator(Simulator):
                 noise.action_noise, noise.brightness_noise, noise.pixel_noise, noise.salt_pepper,
                 noise.shift,
             )  # fmt: skip
+        appearance = None
+        if training and (self.random_light or self.random_colours):
+            appearance = RandomAppearance(self.random_light, self.random_colours)
         try:
             return RacerVectorEnv(
                 load_track(self.track, self.waypoints), n_envs, car=self.car, actions=self.actions,
-                sensors=self.sensors, n_bots=self.n_bots, crash=self.crash,
+                sensors=self.sensors, objects=self.objects, crash=self.crash,
                 range_min=self.range_min, max_steps=self.longest_episode(), noise=amplitudes,
+                appearance=appearance,
                 autoreset_mode=AutoresetMode.DISABLED if one_episode else AutoresetMode.NEXT_STEP,
             )  # fmt: skip
         except ValueError as error:
@@ -113,19 +77,28 @@ class RacerSimulator(Simulator):
     ) -> dict[str, Any] | None:
         """Return where S × N episodes start; see `Simulator.start_options`.
 
-        Training starts are 0.05 laps after one another, iteration after iteration, as DeepRacer's.
+        Training starts are evenly after one another, iteration after iteration, as DeepRacer's. By
+        turns means every other one, and from each place the other way the next time round.
         """
-        spacing = 1 / n_envs if iteration is None else 0.05
-        first = 0 if iteration is None else (iteration - 1) * n_envs
-        places = {"lap_fraction": [(first + n) * spacing % 1 for n in range(n_envs)] * n_seeds}
-        if iteration is None and both_directions:
-            return places | {"reverse": [n % 2 == 1 for n in range(n_envs)] * n_seeds}
-        return places
+        if iteration is None:
+            places = [n / n_envs for n in range(n_envs)]
+            turns = [n % 2 == 1 for n in range(n_envs)]
+            by_turns = both_directions
+        else:
+            first = (iteration - 1) * n_envs
+            along = [(first + n) * self.start_spacing for n in range(n_envs)]
+            places = [(self.start_offset + place) % 1 for place in along]
+            turns = [(first + n + int(place)) % 2 == 1 for n, place in enumerate(along)]
+            by_turns = self.direction == "alternate"
+        options: dict[str, Any] = {"lap_fraction": places * n_seeds}
+        if by_turns or self.direction == "reverse":
+            options["reverse"] = (turns if by_turns else [True] * n_envs) * n_seeds
+        return options
 
     @property
     def records(self) -> tuple[str, ...]:
         """What of the infos of a step is worth keeping, by name."""
-        return (*RECORDS, *BOT_RECORDS) if self.n_bots else RECORDS
+        return (*RECORDS, *OBJECT_RECORDS) if self.objects.n else RECORDS
 
     def notes(self) -> list[str]:
         """Return what was mended in the track's file; see `Simulator.notes`."""
@@ -135,9 +108,10 @@ class RacerSimulator(Simulator):
 
     def doubts(self) -> list[str]:
         """Return actions beyond the car, and laps beyond the limit; see `Simulator.doubts`."""
-        from repaint_cli.envs.racer.laps import doubts_about
+        from repaint_cli.envs.racer.laps import doubts_about, no_way_past
 
-        return doubts_about(self.track, self.actions, self.longest_episode())
+        lines = doubts_about(self.track, self.actions, self.longest_episode())
+        return [*lines, *no_way_past(self.track, self.objects)]
 
     # The task
 
@@ -154,7 +128,7 @@ class RacerSimulator(Simulator):
     @property
     def reward_terms(self) -> frozenset[str]:
         """All terms that it can pay."""
-        return TERMS | BOT_TERMS if self.n_bots else TERMS
+        return TERMS | OBJECT_TERMS if self.objects.n else TERMS
 
     takes_symmetry: ClassVar[bool] = False
 

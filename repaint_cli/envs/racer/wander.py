@@ -104,7 +104,7 @@ def sample_rewards(
     """
     track = load_track(env.track, env.waypoints)
     try:
-        fleet = Fleet(track, N_CARS, env.car, env.longest_episode(), env.n_bots, env.crash)
+        fleet = Fleet(track, N_CARS, env.car, env.longest_episode(), env.objects, env.crash)
     except ValueError as error:
         raise CardError(f"[env]: {error}") from error
     functions = [RewardFunction(name, source) for _ in range(N_CARS)]

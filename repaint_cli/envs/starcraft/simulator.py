@@ -109,7 +109,9 @@ class StarCraftSimulator(Simulator):
 
     # Environments
 
-    def make(self, n_envs: int, one_episode: bool, noise: EvalConfig | None) -> "Environments":
+    def make(
+        self, n_envs: int, one_episode: bool, noise: EvalConfig | None, training: bool = False
+    ) -> "Environments":
         """Make N games; see `Simulator.make`."""
         from gymnasium.vector import AutoresetMode
 

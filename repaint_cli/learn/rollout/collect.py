@@ -44,14 +44,15 @@ def start(
     Evaluation starts are spread over the task's starts; training starts go on where the last
     iteration's ended. Those that are not `playing`, (S, N), will play no episode.
     """
+    spread = purpose in (Purpose.EVALUATE, Purpose.SCORE)
     env = card.make_env(
         len(seeds) * n_envs,
         one_episode=one_episode,
-        noise=card.eval if noise else None,
+        noise=card.eval if noise or (card.env.noise_in_training and not spread) else None,
+        training=not spread,
         replayable=replayable,
         functions=functions,
     )
-    spread = purpose in (Purpose.EVALUATE, Purpose.SCORE)
     options = card.start_options(len(seeds), n_envs, None if spread else iteration)
     if options is not None and playing is not None:
         options |= {"parked": ~playing.ravel()}

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from repaint_cli.envs.racer.dynamics.bots import BOT_SPEED, SIDE, YAW, X, Y
+from repaint_cli.envs.racer.dynamics.bots import SIDE, YAW, X, Y
 from repaint_cli.envs.racer.dynamics.encounters import NEXT_SEEN
 from repaint_cli.envs.racer.track.geometry import (
     CENTRE_GAP,
@@ -23,7 +23,7 @@ from repaint_cli.envs.racer.track.track import Track
 
 @dataclass(frozen=True)
 class CarState:
-    """One car after a step, with its bots."""
+    """One car after a step, with its objects."""
 
     road: Track
     """The track, in the direction that the car drives it."""
@@ -44,11 +44,13 @@ class CarState:
     seconds: float
     """Of the episode, s."""
     crashed: bool
-    """Whether it hit a bot."""
+    """Whether it hit an object."""
     poses: Floats
-    """Of its bots, (B, 4)."""
-    bots_along: Floats
+    """Of its objects, (B, 4)."""
+    objects_along: Floats
     """Their arclengths, (B,), m."""
+    objects_speed: float
+    """Of all of them, m/s: 0 of boxes."""
     encounter: Floats
     """`encounters.meet`'s answer, (6,)."""
 
@@ -100,19 +102,19 @@ def _places(road: Track) -> tuple[float, ...]:
 
 
 def _objects(car: CarState, along: float, inner_is_left: bool) -> dict[str, Any]:
-    """Return the keys about bots, in the order in which the bots were placed."""
+    """Return the keys about objects, in the order in which they were placed."""
     poses, length = car.poses, car.road.length
-    ahead = np.mod(car.bots_along - along, length)
+    ahead = np.mod(car.objects_along - along, length)
     closest = [int(ahead.argmax()), int(ahead.argmin())] if len(poses) else [0, 0]
-    places = car.road.pose_at(car.bots_along / length)[0] if len(poses) else np.empty((0, 2))
+    places = car.road.pose_at(car.objects_along / length)[0] if len(poses) else np.empty((0, 2))
     gaps = np.hypot(poses[:, X] - places[:, 0], poses[:, Y] - places[:, 1])
     return {
         "closest_objects": closest,
         "objects_location": poses[:, [X, Y]].tolist(),
         "objects_left_of_center": [bool(side > 0) == inner_is_left for side in poses[:, SIDE]],
         "object_in_camera": len(poses) > 0 and bool(car.encounter[NEXT_SEEN]),
-        "objects_speed": [BOT_SPEED] * len(poses),
-        "objects_heading": poses[:, YAW].tolist(),
-        "objects_distance": car.bots_along.tolist(),
+        "objects_speed": [car.objects_speed] * len(poses),
+        "objects_heading": (poses[:, YAW] if car.objects_speed else np.zeros(len(poses))).tolist(),
+        "objects_distance": car.objects_along.tolist(),
         "objects_distance_from_center": gaps.tolist(),
     }

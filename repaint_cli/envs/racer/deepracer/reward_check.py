@@ -50,7 +50,7 @@ class _Drive:
         track = load_track(env.track, env.waypoints)
         steps = env.longest_episode()
         try:
-            self.fleet = Fleet(track, N_CARS, env.car, steps, env.n_bots, env.crash)
+            self.fleet = Fleet(track, N_CARS, env.car, steps, env.objects, env.crash)
         except ValueError as error:
             raise CardError(f"[env]: {error}") from error
         cars = np.arange(N_CARS)

@@ -1,4 +1,4 @@
-"""N cars on one track, each alone with its bots: their states, dynamics and episodes. SI.
+"""N cars on one track, each alone with its objects: their states, dynamics and episodes. SI.
 
 Methods take row numbers (K,), so that parked cars cost nothing.
 """
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from repaint_cli.envs.racer.deepracer.params import CarState, params_of
-from repaint_cli.envs.racer.dynamics.bots import SIDE, Bots
+from repaint_cli.envs.racer.dynamics.bots import SIDE
 from repaint_cli.envs.racer.dynamics.car import (
     CAR_POINTS,
     CAR_PROFILES,
@@ -21,7 +21,8 @@ from repaint_cli.envs.racer.dynamics.car import (
     drive_rows,
 )
 from repaint_cli.envs.racer.dynamics.directions import Directions, Rows
-from repaint_cli.envs.racer.dynamics.encounters import AT_FAULT, HIT, NEXT, meet
+from repaint_cli.envs.racer.dynamics.encounters import AT_FAULT, CAR_BODY, HIT, NEXT, meet
+from repaint_cli.envs.racer.dynamics.objects import Objects, ObjectSettings
 from repaint_cli.envs.racer.dynamics.rules import (
     CRASHED,
     IN_PROGRESS,
@@ -35,6 +36,8 @@ from repaint_cli.envs.racer.sight.camera import lens
 from repaint_cli.envs.racer.track.geometry import NDIST, WHEELS_ON, Floats, measure
 from repaint_cli.envs.racer.track.track import Track
 
+NOTHING = ObjectSettings()
+"""No bots and no boxes."""
 OPEN_START = 0.2
 """From the start of an open track to a starting car's base, so that all wheels are on it, m."""
 
@@ -43,25 +46,35 @@ class Fleet:
     """The states of N cars; the attributes are (N, …) arrays that the methods change in place."""
 
     def __init__(
-        self, track: Track, n: int, car: str, max_steps: int, n_bots: int = 0, crash: str = "any"
+        self,
+        track: Track,
+        n: int,
+        car: str,
+        max_steps: int,
+        objects: ObjectSettings = NOTHING,
+        crash: str = "any",
     ) -> None:
-        """Make N cars with a profile's dynamics, and their bots; `start` puts them on the road.
+        """Make N cars with a profile's dynamics, and their objects; `start` puts them on the road.
 
         Args:
             track: where they drive.
             n: N.
             car: a name in `CAR_PROFILES`.
             max_steps: time limit of an episode, steps.
-            n_bots: B, bots per car.
-            crash: whether "any" crash ends an episode, or only one that the car is "at-fault" in.
+            objects: B bots or boxes per car.
+            crash: whether "any" crash with a bot ends an episode, or only one that the car is
+                "at-fault" in; with a box every one does.
 
         Raises:
-            ValueError: there are bots, and the track is open.
+            ValueError: there are objects, and the track is open.
         """
-        if n_bots and not track.closed:
-            raise ValueError(f"expected a closed track for bots, found '{track.name}', an open one")
+        if objects.n and not track.closed:
+            what = "boxes" if objects.boxes else "bots"
+            raise ValueError(
+                f"expected a closed track for {what}, found '{track.name}', an open one"
+            )
         self.track = track
-        self.bots = Bots(n, n_bots) if n_bots else None
+        self.objects = Objects(n, objects) if objects.n else None
         self._directions = Directions(track, n)
         self.states = np.zeros((n, 5))
         """X, Y, YAW, SPEED, STEERING."""
@@ -77,7 +90,7 @@ class Fleet:
         self._counters = Counters.zeros(n)
         self._encounters = np.zeros((n, 6))
         self._lens = lens()
-        self._any_crash = crash == "any"
+        self._any_crash = objects.boxes or crash == "any"
 
     def start(
         self,
@@ -86,16 +99,16 @@ class Fleet:
         reverse: NDArray[np.bool_],
         rngs: Sequence[np.random.Generator],
     ) -> None:
-        """Start episodes: cars at rest on the centre line and along it, and their bots on the road.
+        """Start episodes: cars at rest on the centre line and along it, their objects on the road.
 
-        Where a bot is within a metre, the car starts in the lane that the bot is not in. An open
+        Where an object is within a metre, the car starts in the lane that it is not in. An open
         track is always driven from its beginning.
 
         Args:
             rows: which cars, (K,).
             lap_fractions: where cars start, in their own direction, (N,).
             reverse: whether a car drives the track the other way, (N,).
-            rngs: each car's own generator, which places its bots, (N,).
+            rngs: each car's own generator, which places its objects, (N,).
         """
         self._starts[rows] = lap_fractions[rows] if self.track.closed else 0.0
         if not self.track.closed:
@@ -104,9 +117,9 @@ class Fleet:
         self.states[rows] = 0.0
         for road, own in self._directions.by_road(rows):
             points, self.states[own, YAW] = road.pose_at(lap_fractions[own])
-            if self.bots:
-                self.bots.start(road, own, [rngs[row] for row in own])
-                points = self.bots.free_points(road, own, lap_fractions[own] * road.length)
+            if self.objects:
+                self.objects.start(road, own, [rngs[row] for row in own])
+                points = self.objects.free_points(road, own, lap_fractions[own] * road.length)
             self.states[own, :2] = points
         self._commands[rows] = 0.0
         self._counters.clear(rows)
@@ -132,9 +145,9 @@ class Fleet:
         gained[rows] = self._progress[rows] - before
         moved = np.hypot(*(self.states[rows, :2] - places).T)
         self._counters.count(rows, moved, gained[rows])
-        if self.bots:
+        if self.objects:
             for road, own in self._directions.by_road(rows):
-                self.bots.drive(road, own, STEP_SECONDS)
+                self.objects.drive(road, own, STEP_SECONDS)
         crashed = self._meet(rows)
         status = status_of(self._measures, self._progress, self._counters, self._max_steps, crashed)
         self.status[rows] = status[rows]
@@ -150,9 +163,9 @@ class Fleet:
         drove = np.zeros(len(self.states))
         drove[rows] = 1.0
         terms = reward_terms(self._measures, gained, self.status)
-        if self.bots:
-            bots = self._encounters[:, NEXT].astype(np.int64)
-            sides = self.bots.poses[np.arange(len(bots)), bots, SIDE]
+        if self.objects:
+            after = self._encounters[:, NEXT].astype(np.int64)
+            sides = self.objects.poses[np.arange(len(after)), after, SIDE]
             terms |= traffic_terms(self._encounters, sides, terms["lane"])
         return {name: term * drove for name, term in terms.items()}
 
@@ -164,8 +177,8 @@ class Fleet:
     def report(self) -> dict[str, Any]:
         """Return the state of the cars by name, each (N,) in new arrays.
 
-        With bots also their x, y (m) and heading (rad) as "bots", (N, B, 3), and whether the car
-        touches one as "hit".
+        With objects also their x, y (m) and heading (rad) as "objects", (N, B, 3), and whether the
+        car touches one as "hit".
         """
         state = {
             "x": self._fronts[:, 0].copy(),
@@ -179,10 +192,10 @@ class Fleet:
             "waypoint": self._directions.nearest_waypoints(self.lap_fractions),
             "status": self.status.astype(np.float64),
         }
-        if self.bots is None:
+        if self.objects is None:
             return state
         return state | {
-            "bots": self.bots.poses[..., :SIDE].copy(), "hit": self._encounters[:, HIT].copy()
+            "objects": self.objects.poses[..., :SIDE].copy(), "hit": self._encounters[:, HIT].copy()
         }  # fmt: skip
 
     def params(self, row: int, chosen: Floats) -> dict[str, Any]:
@@ -192,7 +205,7 @@ class Fleet:
             row: which car.
             chosen: steering (rad) and speed (m/s) of the last step's action, (2,).
         """
-        bots = self.bots
+        objects = self.objects
         return params_of(
             CarState(
                 road=self._directions.road_of(row),
@@ -205,27 +218,28 @@ class Fleet:
                 steps=int(self._counters.steps[row]),
                 seconds=float(self._counters.steps[row] * STEP_SECONDS),
                 crashed=bool(self.status[row] == CRASHED),
-                poses=bots.poses[row] if bots else np.empty((0, 4)),
-                bots_along=bots.along[row] if bots else np.empty(0),
+                poses=objects.poses[row] if objects else np.empty((0, 4)),
+                objects_along=objects.along[row] if objects else np.empty(0),
+                objects_speed=objects.speed if objects else 0.0,
                 encounter=self._encounters[row],
             )
         )
 
     def _meet(self, rows: Rows) -> NDArray[np.bool_]:
-        """Update the encounters of these cars (K,) with their bots; return who crashed, (N,).
+        """Update the encounters of these cars (K,) with objects; return who crashed, (N,).
 
         Where a crash is not the car's fault and ends nothing, its bots pause.
         """
-        if self.bots is None:
+        if self.objects is None:
             return np.zeros(len(self.states), np.bool_)
         along = self._measures[:, NDIST] * self.track.length
         meet(
-            rows, self.states, along, self.track.length, self.bots.poses, self.bots.along,
-            self._lens, self._encounters,
+            rows, self.states, along, self.track.length, self.objects.poses,
+            self.objects.along, CAR_BODY, self.objects.body, self._lens, self._encounters,
         )  # fmt: skip
         hit = self._encounters[:, HIT] > 0
         crashed = hit & (self._any_crash | (self._encounters[:, AT_FAULT] > 0))
-        self.bots.pause(rows[(hit & ~crashed)[rows]])
+        self.objects.pause(rows[(hit & ~crashed)[rows]])
         return crashed
 
     def _measure(self, rows: Rows, progress_before: Floats) -> None:

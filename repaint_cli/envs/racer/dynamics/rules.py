@@ -93,7 +93,7 @@ def status_of(
         progress: percent, (N,).
         counters: of the same cars.
         max_steps: the time limit, steps.
-        crashed: whether it hit a bot and that ends the episode, (N,).
+        crashed: whether it hit an object and that ends the episode, (N,).
     """
     arrived = progress >= 100
     return np.select(
@@ -135,15 +135,15 @@ def reward_terms(measures: Floats, gained: Floats, status: NDArray[np.int64]) ->
 
 
 def traffic_terms(encounters: Floats, next_sides: Floats, lane: Floats) -> dict[str, Floats]:
-    """Return the reward terms φ of a step that bots are part of, each (N,).
+    """Return the reward terms φ of a step that objects are part of, each (N,).
 
-    clear is 1 with every bot more than 0.8 m away, middle to middle. hazard is 1 with one nearer
-    than 0.5 m and less than 30° off the bow. camlane is 1 with the next bot in the picture and in
-    the car's own lane.
+    clear is 1 with every object more than 0.8 m away, middle to middle. hazard is 1 with one nearer
+    than 0.5 m and less than 30° off the bow. camlane is 1 with the next object in the picture and
+    in the car's own lane.
 
     Args:
         encounters: `encounters.meet`'s answers, (N, 6).
-        next_sides: the side of each car's next bot, (N,).
+        next_sides: the side of each car's next object, (N,).
         lane: the term of that name, (N,).
     """
     own_lane = (encounters[:, NEXT_SEEN] > 0) & (next_sides * lane > 0)

@@ -1,4 +1,6 @@
-"""Bots in the images of a camera and the ranges of a lidar: boxes on flat ground. Metres, radians.
+"""Bots and boxes in the images of a camera and the ranges of a lidar. Metres, radians.
+
+All are boxes on flat ground, of one size for all objects of a car.
 
 Rays are followed in the box's own frame, where it is three pairs of planes.
 """
@@ -10,7 +12,13 @@ from repaint_cli.kernels import kernel
 BOT_LENGTH, BOT_WIDTH, BOT_HEIGHT = 0.324, 0.188, 0.21
 """Of a bot's visible body, m; its collision rectangle is in `dynamics.encounters`."""
 END_LUMA, SIDE_LUMA = 40, 28
-"""Grey levels of its faces, apart so that its heading can be seen; no camera sees its top."""
+"""Grey levels of a bot's faces, apart so that its heading can be seen; no camera sees its top."""
+CARTON_END_LUMA, CARTON_SIDE_LUMA = 150, 118
+"""The same of a box of cardboard."""
+LENGTH, WIDTH, HEIGHT, END, SIDE = range(5)
+"""Columns of a body as kernels read it: its size (m) and the grey levels of its faces."""
+BOT = np.array([BOT_LENGTH, BOT_WIDTH, BOT_HEIGHT, END_LUMA, SIDE_LUMA])
+BOT.flags.writeable = False
 BEAM_X = 0.02913
 """From the base to the lidar, ahead, m."""
 FIRST_BEAM, BEAM_SPAN = -2.61799, 5.23598
@@ -29,7 +37,7 @@ def _slab(origin: float, slope: float, half: float, near: float, far: float) -> 
 
 
 @kernel
-def beam(x: float, y: float, angle: float, box: np.ndarray) -> float:
+def beam(x: float, y: float, angle: float, box: np.ndarray, body: np.ndarray) -> float:
     """Return how far a horizontal ray runs from (x, y) to a box, or infinity.
 
     Args:
@@ -37,53 +45,58 @@ def beam(x: float, y: float, angle: float, box: np.ndarray) -> float:
         y: of its origin, m.
         angle: of its direction, rad.
         box: x, y (m) and heading (rad) first.
+        body: its size, (5,).
     """
     cos, sin = np.cos(box[2]), np.sin(box[2])
     dx, dy = x - box[0], y - box[1]
     rx, ry = np.cos(angle), np.sin(angle)
-    near, far = _slab(dx * cos + dy * sin, rx * cos + ry * sin, BOT_LENGTH / 2.0, 0.0, np.inf)
-    near, far = _slab(dy * cos - dx * sin, ry * cos - rx * sin, BOT_WIDTH / 2.0, near, far)
+    near, far = _slab(dx * cos + dy * sin, rx * cos + ry * sin, body[LENGTH] / 2.0, 0.0, np.inf)
+    near, far = _slab(dy * cos - dx * sin, ry * cos - rx * sin, body[WIDTH] / 2.0, near, far)
     return near if near <= far else np.inf
 
 
 @kernel
-def scan_rows(rows: np.ndarray, states: np.ndarray, poses: np.ndarray, ranges: np.ndarray) -> None:
+def scan_rows(
+    rows: np.ndarray, states: np.ndarray, poses: np.ndarray, body: np.ndarray, ranges: np.ndarray
+) -> None:
     """Measure the ranges of some cars' lidars, without noise.
 
     Args:
         rows: which cars, (K,).
         states: base x, y (m) and heading (rad) first, (N, ≥3).
-        poses: of their bots, (N, B, ≥3).
+        poses: of their objects, (N, B, ≥3).
+        body: of all objects, (5,).
         ranges: filled, (N, beams), m; `RANGE` where nothing is nearer.
     """
     beams = ranges.shape[1]
-    reach = RANGE + BOT_LENGTH
+    reach = RANGE + body[LENGTH]
     for row in rows:
         yaw = states[row, 2]
         x = states[row, 0] + BEAM_X * np.cos(yaw)
         y = states[row, 1] + BEAM_X * np.sin(yaw)
         ranges[row] = RANGE
-        for bot in range(poses.shape[1]):
-            box = poses[row, bot]
+        for b in range(poses.shape[1]):
+            box = poses[row, b]
             if (box[0] - x) ** 2 + (box[1] - y) ** 2 > reach * reach:
                 continue
             for k in range(beams):
                 angle = yaw + np.pi + FIRST_BEAM + BEAM_SPAN * k / (beams - 1)
-                ranges[row, k] = min(ranges[row, k], beam(x, y, angle, box))
+                ranges[row, k] = min(ranges[row, k], beam(x, y, angle, box, body))
 
 
 @kernel
 def _bounds(
-    ahead: float, left: float, cos: float, sin: float, lens: np.ndarray, size: tuple[int, int]
-) -> tuple[int, int, int, int]:
+    ahead: float, left: float, cos: float, sin: float, body: np.ndarray, lens: np.ndarray,
+    size: tuple[int, int],
+) -> tuple[int, int, int, int]:  # fmt: skip
     """Return first and end row and column of the pixels that may show a box in the eye's frame."""
     rows, columns = size
     height, pitch, focal = lens[1], lens[2], lens[5]
     top, bottom, first, last = np.inf, -np.inf, np.inf, -np.inf
     for corner in range(8):
-        a = BOT_LENGTH / 2.0 if corner & 1 else -BOT_LENGTH / 2.0
-        b = BOT_WIDTH / 2.0 if corner & 2 else -BOT_WIDTH / 2.0
-        z = (BOT_HEIGHT if corner & 4 else 0.0) - height
+        a = body[LENGTH] / 2.0 if corner & 1 else -body[LENGTH] / 2.0
+        b = body[WIDTH] / 2.0 if corner & 2 else -body[WIDTH] / 2.0
+        z = (body[HEIGHT] if corner & 4 else 0.0) - height
         x, y = ahead + a * cos - b * sin, left + a * sin + b * cos
         depth = x * np.cos(pitch) - z * np.sin(pitch)
         if depth < 0.01:  # beside the eye: it may show anywhere
@@ -100,14 +113,16 @@ def _bounds(
 
 @kernel
 def draw_box(
-    state: np.ndarray, eye_offset: float, box: np.ndarray, lens: np.ndarray, image: np.ndarray
-) -> None:
+    state: np.ndarray, eye_offset: float, box: np.ndarray, body: np.ndarray, lens: np.ndarray,
+    image: np.ndarray,
+) -> None:  # fmt: skip
     """Draw one box over the camera image of a car.
 
     Args:
         state: the car's x, y (m) and heading (rad) first.
         eye_offset: from the car's middle to the camera, to the left, m.
         box: x, y (m) and heading (rad) first.
+        body: its size and grey levels, (5,).
         lens: `camera.lens()`, (6,).
         image: changed, (120, 160) uint8.
     """
@@ -118,49 +133,52 @@ def draw_box(
     ahead = dx * np.cos(yaw) + dy * np.sin(yaw) - forward
     left = dy * np.cos(yaw) - dx * np.sin(yaw) - eye_offset
     cos, sin = np.cos(box[2] - yaw), np.sin(box[2] - yaw)
-    if ahead < -BOT_LENGTH:
+    if ahead < -body[LENGTH]:
         return
-    top, bottom, first, last = _bounds(ahead, left, cos, sin, lens, (rows, columns))
+    top, bottom, first, last = _bounds(ahead, left, cos, sin, body, lens, (rows, columns))
     ox, oy = -(ahead * cos + left * sin), -(left * cos - ahead * sin)  # the eye, in the box's frame
-    oz = height - BOT_HEIGHT / 2.0
+    oz = height - body[HEIGHT] / 2.0
     for r in range(top, bottom):
         v = (r + 0.5 - rows / 2.0) / focal
         run = np.cos(pitch) - v * np.sin(pitch)  # of the ray, ahead of the car
         rise = -np.sin(pitch) - v * np.cos(pitch)
-        near_z, far_z = _slab(oz, rise, BOT_HEIGHT / 2.0, 0.0, np.inf)
+        near_z, far_z = _slab(oz, rise, body[HEIGHT] / 2.0, 0.0, np.inf)
         if near_z > far_z:
             continue
         for c in range(first, last):
             u = -(c + 0.5 - columns / 2.0) / focal  # to the left
-            near_x, far = _slab(ox, run * cos + u * sin, BOT_LENGTH / 2.0, near_z, far_z)
-            near, far = _slab(oy, u * cos - run * sin, BOT_WIDTH / 2.0, near_x, far)
+            near_x, far = _slab(ox, run * cos + u * sin, body[LENGTH] / 2.0, near_z, far_z)
+            near, far = _slab(oy, u * cos - run * sin, body[WIDTH] / 2.0, near_x, far)
             if near <= far and near > 0.0:
-                image[r, c] = SIDE_LUMA if near > near_x else END_LUMA
+                image[r, c] = np.uint8(body[SIDE] if near > near_x else body[END])
 
 
 @kernel
 def draw_rows(
-    rows: np.ndarray, states: np.ndarray, poses: np.ndarray, eye_offset: float, lens: np.ndarray,
-    images: np.ndarray, channel: int,
+    rows: np.ndarray, states: np.ndarray, poses: np.ndarray, body: np.ndarray, eye_offset: float,
+    lens: np.ndarray, images: np.ndarray, channel: int,
 ) -> None:  # fmt: skip
-    """Draw the bots of some cars into images (N, 120, 160, C), the farthest first.
+    """Draw the objects of some cars into images (N, 120, 160, C), the farthest first.
 
     See `draw_box` for the arguments; poses are (N, B, ≥3), rows (K,).
     """
-    n_bots = poses.shape[1]
-    far, done = np.empty(n_bots), np.empty(n_bots, np.bool_)
+    n_boxes = poses.shape[1]
+    far, done = np.empty(n_boxes), np.empty(n_boxes, np.bool_)
     for row in rows:
-        for bot in range(n_bots):
-            far[bot] = np.hypot(
-                poses[row, bot, 0] - states[row, 0], poses[row, bot, 1] - states[row, 1]
-            )
-            done[bot] = False
-        for _ in range(n_bots):
-            next_bot = -1
-            for bot in range(n_bots):
-                if not done[bot] and (next_bot < 0 or far[bot] > far[next_bot]):
-                    next_bot = bot
-            done[next_bot] = True
+        for b in range(n_boxes):
+            far[b] = np.hypot(poses[row, b, 0] - states[row, 0], poses[row, b, 1] - states[row, 1])
+            done[b] = False
+        for _ in range(n_boxes):
+            next_box = -1
+            for b in range(n_boxes):
+                if not done[b] and (next_box < 0 or far[b] > far[next_box]):
+                    next_box = b
+            done[next_box] = True
             draw_box(
-                states[row], eye_offset, poses[row, next_bot], lens, images[row, :, :, channel]
+                states[row],
+                eye_offset,
+                poses[row, next_box],
+                body,
+                lens,
+                images[row, :, :, channel],
             )

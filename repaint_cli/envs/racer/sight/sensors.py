@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from functools import cache
 
 import numpy as np
 from gymnasium import spaces
@@ -9,8 +10,10 @@ from numpy.typing import NDArray
 
 from repaint_cli.envs.racer.dynamics.directions import Rows
 from repaint_cli.envs.racer.dynamics.fleet import Fleet
+from repaint_cli.envs.racer.dynamics.objects import ObjectSettings
 from repaint_cli.envs.racer.names import BEAMS
 from repaint_cli.envs.racer.sight import boxes
+from repaint_cli.envs.racer.sight.appearance import RandomAppearance
 from repaint_cli.envs.racer.sight.camera import (
     EYE_OFFSETS,
     HEIGHT,
@@ -23,6 +26,7 @@ from repaint_cli.envs.racer.sight.camera import (
 )
 from repaint_cli.envs.racer.sight.ground import ground_of
 from repaint_cli.envs.racer.sight.noise import Noise, disturb_image
+from repaint_cli.envs.racer.track.geometry import Floats
 from repaint_cli.envs.racer.track.track import Track
 
 SENSORS = ("camera", "camera+lidar", "stereo", "stereo+lidar")
@@ -33,11 +37,25 @@ Readings = dict[str, NDArray[np.uint8] | NDArray[np.float32]]
 """By sensor: "camera" (N, 120, 160, 1 or 2) uint8 and perhaps "lidar" (N, 64) float32, m."""
 
 
+@cache
+def body_of(settings: ObjectSettings) -> Floats:
+    """Return an object's size (m) and grey levels, (5,), as `boxes` has them."""
+    if not settings.boxes:
+        return boxes.BOT
+    return np.array([*settings.box_size, boxes.CARTON_END_LUMA, boxes.CARTON_SIDE_LUMA])
+
+
 class Sensors:
     """The sensors of all cars of a fleet."""
 
     def __init__(
-        self, track: Track, kind: str, range_min: float, noise: Noise | None, threads: int
+        self,
+        track: Track,
+        kind: str,
+        range_min: float,
+        noise: Noise | None,
+        threads: int,
+        appearance: RandomAppearance | None = None,
     ) -> None:
         """Build them.
 
@@ -47,6 +65,7 @@ class Sensors:
             range_min: the lidar's least reading, m.
             noise: disturbances of the images, or None.
             threads: that share the cars.
+            appearance: what is drawn for each episode, or None.
         """
         self._eye_offsets = EYE_OFFSETS if kind.startswith("camera") else STEREO_EYE_OFFSETS
         self._has_lidar = kind.endswith("lidar")
@@ -55,6 +74,8 @@ class Sensors:
         self._ground = (row_table(), ground.levels, ground.origin, ground.field, WALLS)
         self._lens = lens()
         self._noise = noise
+        self._appearance = appearance
+        self._tables = dict[int, NDArray[np.uint8]]()  # what grey levels become, by car
         self._threads = threads
         self._pool = ThreadPoolExecutor(threads) if threads > 1 else None
 
@@ -65,6 +86,11 @@ class Sensors:
             return camera
         lidar = spaces.Box(self._range_min, boxes.RANGE, (BEAMS,), np.float32)
         return spaces.Dict({"camera": camera, "lidar": lidar})
+
+    def start(self, rows: Rows, rngs: Sequence[np.random.Generator]) -> None:
+        """Draw how the track looks in new episodes of these cars (K,), if that is random."""
+        if self._appearance is not None:
+            self._tables |= {row: self._appearance.table(rngs[row]) for row in rows.tolist()}
 
     def read(self, rows: Rows, fleet: Fleet, rngs: Sequence[np.random.Generator]) -> Readings:
         """Return the readings of these cars (K,) in new arrays (N, …), not filled for others."""
@@ -98,9 +124,14 @@ class Sensors:
     ) -> None:
         for channel, offset in enumerate(self._eye_offsets):
             render_rows(rows, fleet.states, offset, *self._ground, images, channel)
-            if fleet.bots is not None:
-                poses = fleet.bots.poses
-                boxes.draw_rows(rows, fleet.states, poses, offset, self._lens, images, channel)
+            if fleet.objects is not None:
+                boxes.draw_rows(
+                    rows, fleet.states, fleet.objects.poses, body_of(fleet.objects.settings),
+                    offset, self._lens, images, channel,
+                )  # fmt: skip
+            if self._appearance is not None:
+                for row in rows.tolist():
+                    images[row, :, :, channel] = self._tables[row][images[row, :, :, channel]]
             if self._noise is not None:
                 for row in rows:
                     image = images[row, :, :, channel]
@@ -114,8 +145,9 @@ class Sensors:
         ranges: NDArray[np.float32],
     ) -> None:
         exact = np.full((len(fleet.states), BEAMS), boxes.RANGE)
-        if fleet.bots is not None:
-            boxes.scan_rows(rows, fleet.states, fleet.bots.poses, exact)
+        if fleet.objects is not None:
+            body = body_of(fleet.objects.settings)
+            boxes.scan_rows(rows, fleet.states, fleet.objects.poses, body, exact)
         for row in rows:
             noise = RANGE_NOISE * rngs[row].standard_normal(BEAMS)
             noisy = np.where(exact[row] < boxes.RANGE, exact[row] + noise, boxes.RANGE)
