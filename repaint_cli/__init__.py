@@ -149,6 +149,7 @@ def evaluate(
     task: "AnyTask | None" = None,
     episodes: int | None = None,
     noise: str | None = None,
+    race: bool = False,
     settings: Sequence[str] = (),
     seed: int | None = None,
     keep_observations: bool = False,
@@ -160,13 +161,14 @@ def evaluate(
 
     `policy` is a run's folder, a teacher's name or file, the newest run where absent; task, number
     of episodes and seed are its own where absent; `keep_observations` is for race films. Simulators
-    may have noise ("none", "paper"), logs, or colours of paths. First `on_episodes` is called.
+    may have noise ("none", "paper"), races, logs, or colours of paths. First comes `on_episodes`.
     """
     from repaint_cli.runs.evaluate import check_simulator, evaluate_policy
-    from repaint_cli.runs.find_policies import find_policies, with_settings
+    from repaint_cli.runs.find_policies import find_policies, racing, with_settings
 
     policies = find_policies(policy, None if task is None else load_task(task))
     policies = with_settings(policies, episodes, noise, _listed(settings, "settings"))
+    policies = racing(policies) if race else policies
     check_simulator(policies.card, noise, logs := Path(log_folder) if log_folder else None, colour)
     return evaluate_policy(policies, seed, keep_observations, logs, colour, on_episodes)
 

@@ -61,9 +61,10 @@ def first_problem(error: ValidationError) -> str:
     where = f"{'.'.join(loc):.200}"
     if problem["type"] == "extra_forbidden":
         return f"{UNKNOWN_KEY}{where}'"
-    value = "" if problem["type"] == "missing" else f", found {problem['input']!r:.100}"
+    told = problem["type"] == "missing" or isinstance(problem["input"], Mapping)
+    value = "" if told else f", found {problem['input']!r:.100}"
     wanted = problem["msg"].removeprefix("Value error, ").replace("Input should be", "expected")
-    return f"{where}: {wanted:.200}{value}"
+    return f"{where}: {wanted:.200}{value}".removeprefix(": ")
 
 
 class PPOConfig(Settings):
@@ -166,6 +167,19 @@ class EvalConfig(Settings):
     """Small noise on observations and actions (racer only; paper, appendix B.1)."""
     both_directions: bool = False
     """Whether every other episode drives the track the other way (racer only)."""
+    best: Literal["return", "progress", "lap_time"] = "return"
+    """By what of its evaluations the best policy of a run is chosen: the mean return, the mean
+    progress, or laps, first how many, then how fast (the last two racer only)."""
+    laps: int = Field(3, gt=0, le=100)
+    """Laps of a race, as `repaint eval --race` evaluates (racer only, as the next four)."""
+    off_track_penalty: float = Field(5.0, ge=0)
+    """In a race for leaving the road or driving backwards, s."""
+    crash_penalty: float = Field(5.0, ge=0)
+    """In a race for a crash, s."""
+    max_resets: int = Field(100, ge=0)
+    """So often a car is put back on the road in a race, which then is over."""
+    reset_behind: float = Field(1.0, ge=0)
+    """How far behind an object a car is put back after a crash, m."""
     action_noise: float = Field(0.1, ge=0, le=1)
     """Steering and speed are each multiplied by 1 + U(−a, a), where there is noise."""
     brightness_noise: float = Field(0.1, ge=0, le=1)

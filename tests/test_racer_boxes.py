@@ -18,7 +18,9 @@ from repaint_cli.envs.racer.dynamics.encounters import (
     NEXT,
     NEXT_SEEN,
 )
+from repaint_cli.envs.racer.dynamics.objects import ObjectSettings
 from repaint_cli.envs.racer.sight import boxes, camera, ground
+from repaint_cli.envs.racer.sight.sensors import body_of
 from repaint_cli.envs.racer.track.track import Track
 
 TRACKS = Path(__file__).parents[1] / "tasks" / "racer" / "tracks"
@@ -35,22 +37,26 @@ def car_at(x=0.0, y=0.0, yaw=0.0):
     return np.array([[x, y, yaw, 0.0, 0.0]])
 
 
-def drawn(state, poses, eye_offset=0.0):
+CARTON = body_of(ObjectSettings(1, boxes=True))
+BODIES = {"bot": boxes.BOT, "box": CARTON}
+
+
+def drawn(state, poses, eye_offset=0.0, body=boxes.BOT):
     images = np.full((1, camera.HEIGHT, camera.WIDTH, 1), 200, np.uint8)
     row, lens = np.zeros(1, int), camera.lens()
-    boxes.draw_rows(row, state, poses[None], boxes.BOT, eye_offset, lens, images, 0)
+    boxes.draw_rows(row, state, poses[None], body, eye_offset, lens, images, 0)
     return images[0, :, :, 0]
 
 
-def met(state, poses, along=0.0, bots_along=(1.0, 5.0)):
+def met(state, poses, along=0.0, bots_along=(1.0, 5.0), body=encounters.CAR_BODY):
     out = np.zeros((1, 6))
     bots_along = np.array([bots_along[: len(poses)]])
     lens = camera.lens()
     where = np.array([along])
-    body = encounters.CAR_BODY
     encounters.meet(
-        np.zeros(1, int), state, where, LENGTH, poses[None], bots_along, body, body, lens, out
-    )
+        np.zeros(1, int), state, where, LENGTH, poses[None], bots_along, encounters.CAR_BODY, body,
+        lens, out,
+    )  # fmt: skip
     return out[0]
 
 
@@ -66,14 +72,15 @@ def scattered(rng, n_bots, reach=1.5):
 
 
 @pytest.mark.parametrize("seed", range(12))
-@pytest.mark.parametrize("eye_offset", [0.0, 0.03])
-def test_boxes_are_drawn_as_their_slow_twin_draws_them(seed, eye_offset):
+@pytest.mark.parametrize(("eye_offset", "name"), [(0.0, "bot"), (0.03, "bot"), (0.03, "box")])
+def test_boxes_are_drawn_as_their_slow_twin_draws_them(seed, eye_offset, name):
+    body = BODIES[name]
     rng = np.random.default_rng(seed)
     poses = scattered(rng, 4)
     towards = np.arctan2(poses[0, 1], poses[0, 0]) + rng.uniform(-0.5, 0.5)
     state = car_at(*rng.uniform(-0.05, 0.05, 2), towards)
-    fast = drawn(state, poses, eye_offset)
-    slow = reference.draw_boxes(state[0], eye_offset, poses, np.full(fast.shape, 200.0))
+    fast = drawn(state, poses, eye_offset, body)
+    slow = reference.draw_boxes(state[0], eye_offset, poses, np.full(fast.shape, 200.0), body)
     assert (fast != slow).mean() < 1e-3  # an edge may fall a pixel to the other side
     assert 0 < (slow != 200).mean() < 0.9
 
@@ -125,12 +132,14 @@ def test_each_eye_sees_the_road_as_its_slow_twin(track, eye_offset):
 
 
 @pytest.mark.parametrize("seed", range(12))
-def test_the_lidar_reads_what_its_slow_twin_reads(seed):
+@pytest.mark.parametrize("name", BODIES)
+def test_the_lidar_reads_what_its_slow_twin_reads(seed, name):
+    body = BODIES[name]
     rng = np.random.default_rng(seed)
     state, poses = car_at(0.0, 0.0, rng.uniform(-np.pi, np.pi)), scattered(rng, 4, reach=1.0)
     ranges = np.zeros((1, 64))
-    boxes.scan_rows(np.zeros(1, int), state, poses[None], boxes.BOT, ranges)
-    assert_allclose(ranges[0], reference.scan(state[0], poses), atol=2e-4)
+    boxes.scan_rows(np.zeros(1, int), state, poses[None], body, ranges)
+    assert_allclose(ranges[0], reference.scan(state[0], poses, body), atol=2e-4)
     assert ranges.min() < 0.9
 
 
@@ -166,8 +175,9 @@ def test_encounters_are_those_of_their_slow_twin(seed):
         state[0, :2] + rng.uniform(-reach, reach, (3, 2)), rng.uniform(-np.pi, np.pi, 3), np.ones(3)
     ])  # fmt: skip
     along, bots_along = rng.uniform(0, LENGTH), rng.uniform(0, LENGTH, 3)
-    expected = reference.meet(state[0], along, LENGTH, poses, bots_along)
-    assert_allclose(met(state, poses, along, bots_along), expected, atol=1e-9)
+    body = (encounters.CAR_BODY, ObjectSettings(3, boxes=True).body)[seed % 2]
+    expected = reference.meet(state[0], along, LENGTH, poses, bots_along, body)
+    assert_allclose(met(state, poses, along, bots_along, body), expected, atol=1e-9)
 
 
 def test_distance_hazard_and_hit():

@@ -79,8 +79,8 @@ def test_two_eyes_are_the_one_camera_moved_aside():
 def place_bot(env, ahead):
     """Put the first bot before or behind a car that has just started, the others far away."""
     fleet = env._fleet
-    fleet.objects.along[:] = fleet._measures[0, NDIST] * fleet.track.length + 10.0
-    fleet.objects.along[0, 0] = fleet._measures[0, NDIST] * fleet.track.length - 0.14 + ahead
+    fleet.objects.along[:] = fleet.measures[0, NDIST] * fleet.track.length + 10.0
+    fleet.objects.along[0, 0] = fleet.measures[0, NDIST] * fleet.track.length - 0.14 + ahead
     fleet.objects.drive(fleet.track, np.arange(env.num_envs), 0.0)
 
 

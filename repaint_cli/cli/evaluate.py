@@ -54,6 +54,16 @@ class EvaluateOptions(NamedTuple):
             "Noise on what the car sees and does: none or paper. Only for racing tasks.",
         ),
     ] = None
+    race: Annotated[
+        bool,
+        option(
+            HOW,
+            None,
+            "Race: laps from the start line, with penalties and resets; see eval.laps. Only for "
+            "racing tasks.",
+            "--race",
+        ),
+    ] = False
     set: Set = None
     render_offscreen: Annotated[
         bool,
@@ -114,6 +124,7 @@ def evaluate(options: EvaluateOptions) -> None:
             task=options.task,
             episodes=options.episodes,
             noise=options.noise,
+            race=options.race,
             settings=settings_of(options),
             seed=None if options.seed is None else seed_list(options.seed, 1)[0],
             keep_observations=options.render_offscreen,

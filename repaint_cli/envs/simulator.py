@@ -217,6 +217,14 @@ class Simulator(Settings, ABC):
         """Return the outcomes of episodes, beside returns and lengths, as JSON."""
         return {}
 
+    def racing(self, config: EvalConfig) -> "Simulator":
+        """Return the simulator whose evaluated episodes are races under the rules in [eval].
+
+        Raises:
+            CardError: it has no races.
+        """
+        raise CardError("expected --race with a racing task; leave it out")
+
     # Paths
 
     @property

@@ -191,7 +191,7 @@ class Experiment:
         )  # fmt: skip
         self.record.add_alarms(self.newest_alarms, files)
         progress.remembered = sorted({*(progress.remembered or ()), *self.learner.remembered()})
-        progress.add_evaluation(k, report.evaluation.returns, report.evaluation.lengths)
+        progress.add_evaluation(k, report.evaluation, self.card.eval.best)
         progress.seconds, progress.logs = report.seconds, [log.position for log in self._logs]
         save_checkpoint(self.plan, self.teachers, self.learner, self.course, progress)
         self._keep_best()

@@ -146,3 +146,18 @@ def with_settings(
         folder = RUNS / card.name / f"eval-set-{stamp()}"
         policies = replace(policies, name=name, network=network, folder=folder)
     return replace(policies, card=card.model_copy(update={"env": card.env.for_replay()}))
+
+
+def racing(policies: Policies) -> Policies:
+    """Return the policies in races under the rules in [eval] of their task, in a folder of its own.
+
+    Raises:
+        CardError: the task has no races.
+    """
+    card = policies.card
+    return replace(
+        policies,
+        name=f"{policies.name} · race of {card.eval.laps} lap{'s' * (card.eval.laps != 1)}",
+        card=card.model_copy(update={"env": card.env.racing(card.eval)}),
+        folder=RUNS / card.name / f"eval-race-{stamp()}",
+    )

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from repaint_cli.envs.episodes import Episodes
 from repaint_cli.errors import CheckpointError
 from repaint_cli.runs.alarms import IN_A_ROW
 
@@ -17,8 +18,8 @@ class RunProgress:
 
     seconds: float = 0.0
     """How long the run has taken."""
-    best_return: float = float("-inf")
-    """Mean return of the best evaluated policy so far."""
+    best_merit: tuple[float, ...] = ()
+    """Of the best evaluated policy so far; see `merits`."""
     best: tuple[int, int] = (0, 0)
     """After which iteration it was evaluated, and which of the seeds it is, from 0."""
     returns: list[np.ndarray] = field(default_factory=list)
@@ -34,20 +35,20 @@ class RunProgress:
     source: Path | None = None
     """The checkpoint that it was read from."""
 
-    def add_evaluation(self, k: int, returns: np.ndarray, lengths: np.ndarray) -> None:
-        """Take in the evaluated returns and lengths (S, E) after iteration k."""
-        self.returns = [*self.returns, returns][1 - IN_A_ROW :]
-        self.lengths = [*self.lengths, lengths.mean(1)][1 - IN_A_ROW :]
-        means = returns.mean(1)
-        s = int(means.argmax())
-        if means[s] > self.best_return:
-            self.best_return, self.best = float(means[s]), (k, s)
+    def add_evaluation(self, k: int, episodes: Episodes, best: str) -> None:
+        """Take in the evaluated episodes after iteration k; `best` is the card's `eval.best`."""
+        self.returns = [*self.returns, episodes.returns][1 - IN_A_ROW :]
+        self.lengths = [*self.lengths, episodes.lengths.mean(1)][1 - IN_A_ROW :]
+        own = merits(episodes, best)
+        s = max(range(len(own)), key=own.__getitem__)
+        if own[s] > self.best_merit:
+            self.best_merit, self.best = own[s], (k, s)
 
     def as_json(self) -> dict[str, Any]:
         """Return it as JSON."""
         return {
             "seconds": self.seconds,
-            "best_return": self.best_return,
+            "best_merit": self.best_merit,
             "best": self.best,
             "returns": [returns.tolist() for returns in self.returns],
             "lengths": [lengths.tolist() for lengths in self.lengths],
@@ -68,7 +69,7 @@ class RunProgress:
             remembered = past.get("remembered")
             return cls(
                 seconds=float(past["seconds"]),
-                best_return=float(past["best_return"]),
+                best_merit=tuple(map(float, past["best_merit"])),
                 best=(k, s),
                 returns=[np.array(returns, np.float64) for returns in past["returns"]],
                 lengths=[np.array(own, np.float64) for own in past.get("lengths", [])],
@@ -78,3 +79,24 @@ class RunProgress:
             )
         except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
             raise CheckpointError(f"{source} tells nothing of its past: {error!s:.200}") from error
+
+
+def merits(episodes: Episodes, best: str) -> list[tuple[float, ...]]:
+    """Return by what each of S policies is compared with others, the first number first.
+
+    Args:
+        episodes: evaluated ones.
+        best: "return", "progress", or "lap_time": how many laps, and then how fast they are. The
+            mean return decides between equal ones.
+    """
+    means = episodes.returns.mean(1)
+    columns = [means]
+    if best == "progress":
+        assert episodes.progress is not None
+        columns = [episodes.progress.mean(1), means]
+    elif best == "lap_time":
+        times = episodes.lap_times
+        assert times is not None
+        n_laps = (~np.isnan(times)).sum(1)
+        columns = [n_laps, -np.nansum(times, 1) / np.maximum(n_laps, 1), means]
+    return [tuple(map(float, row)) for row in np.stack(columns, 1)]

@@ -3,9 +3,9 @@
 import tomllib
 from collections.abc import Mapping
 from contextlib import suppress
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
-from pydantic import ValidationError, field_validator
+from pydantic import ValidationError, field_validator, model_validator
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from repaint_cli.envs.registry import simulator_class
@@ -53,6 +53,14 @@ class TaskCard(Recipe, Task, Titled):
             where = InitErrorDetails(type=problem, loc=("joint",), input=True)
             raise ValidationError.from_exception_data(cls.__name__, [where])
         return transfer
+
+    @model_validator(mode="after")
+    def _best_is_recorded(self) -> Self:
+        if self.eval.best != "return" and "progress" not in self.env.records:
+            raise ValueError(
+                f"expected eval.best = 'return' but with a racing task, found '{self.eval.best}'"
+            )
+        return self
 
     @property
     def task(self) -> Task:

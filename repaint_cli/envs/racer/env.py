@@ -25,6 +25,7 @@ from repaint_cli.envs.racer.dynamics.car import ACTIONS, CAR_PROFILES, STEP_SECO
 from repaint_cli.envs.racer.dynamics.directions import Rows
 from repaint_cli.envs.racer.dynamics.fleet import NOTHING, Fleet
 from repaint_cli.envs.racer.dynamics.objects import ObjectSettings
+from repaint_cli.envs.racer.dynamics.race import Race, RaceRules
 from repaint_cli.envs.racer.dynamics.rules import IN_PROGRESS, TIME_UP
 from repaint_cli.envs.racer.sight.appearance import RandomAppearance
 from repaint_cli.envs.racer.sight.noise import Noise, disturb_command
@@ -66,10 +67,10 @@ class RacerVectorEnv(VectorEnv[Any, NDArray[np.int64], Any]):
     **Infos** arrays (N,) float64, the same keys at every step. Reward terms: `lane`, `keep`,
     `dprog`, `fail`, and with objects `clear`, `hazard`, `camlane`. State: `x`, `y` (front point,
     m), `heading` (rad), `speed` (true, m/s), `steering` (true, rad), `progress` (%), `lap_time`
-    (s),
-    `wheels_on` (the road, 0 to 4), `waypoint` (index of the nearest) and `status`, an index into
-    `rules.STATUS`; with objects `objects`, (N, B, 3): x, y and heading of each, and `hit`.
-    Progress is that of the front point, so it begins a little above 0.
+    (s), `wheels_on` (the road, 0 to 4), `waypoint` (index of the nearest) and `status`, an index
+    into `rules.STATUS`; with objects `objects`, (N, B, 3): x, y and heading of each, and `hit`; in
+    a race `laps`, `resets` and `penalties` (s). Progress is that of the front point, so it begins a
+    little above 0.
 
     **Autoreset** NEXT_STEP starts a new episode in the step after the last, ignoring that action.
     DISABLED parks the car: it keeps its state and last image, earns nothing and costs nothing.
@@ -80,7 +81,7 @@ class RacerVectorEnv(VectorEnv[Any, NDArray[np.int64], Any]):
         actions: Sequence[tuple[float, float]] = ACTIONS, sensors: str = "camera",
         objects: ObjectSettings = NOTHING, crash: str = "at-fault", range_min: float = 0.12,
         max_steps: int = 1500, noise: Noise | None = None,
-        appearance: RandomAppearance | None = None,
+        appearance: RandomAppearance | None = None, race: RaceRules | None = None,
         autoreset_mode: AutoresetMode = AutoresetMode.NEXT_STEP, threads: int = 1,
     ) -> None:  # fmt: skip
         """Build N cars on a track; `reset` puts them on the road.
@@ -97,6 +98,7 @@ class RacerVectorEnv(VectorEnv[Any, NDArray[np.int64], Any]):
             max_steps: time limit of an episode, steps of 1/15 s.
             noise: disturbances of actions and images, or None.
             appearance: what of the images is drawn anew for each episode, or None.
+            race: rules under which an episode is a race of several laps, or None: it is a lap.
             autoreset_mode: NEXT_STEP or DISABLED.
             threads: that draw images.
 
@@ -112,6 +114,7 @@ class RacerVectorEnv(VectorEnv[Any, NDArray[np.int64], Any]):
         self._actions = commands_of(actions)
         self._set_spaces()
         self._fleet = Fleet(track, num_envs, car, max_steps, objects, crash)
+        self._race = Race(num_envs, race) if race else None
         self._chosen = np.zeros((num_envs, 2))  # the listed commands of the last step
         self._noise, self._is_reset = noise, False
         self._rngs = [np.random.default_rng() for _ in range(num_envs)]
@@ -230,9 +233,15 @@ class RacerVectorEnv(VectorEnv[Any, NDArray[np.int64], Any]):
         self._chosen[rows] = 0.0
         self._fleet.start(rows, fractions, self._reverse, self._rngs)
         self._sensors.start(rows, self._rngs)
+        if self._race:
+            self._race.start(rows)
 
     def _infos(self, moving: Rows, gained: Floats) -> Infos:
-        return self._fleet.terms(moving, gained) | self._fleet.report()
+        infos = self._fleet.terms(moving, gained) | self._fleet.report()
+        if self._race:
+            self._race.judge(self._fleet, moving)
+            infos |= self._race.report()
+        return infos
 
     def _observation(self, readings: Readings) -> Any:
         """Return readings in the form of the observation space."""

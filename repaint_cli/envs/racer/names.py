@@ -9,6 +9,9 @@ RECORDS = (
 OBJECT_RECORDS = ("objects", "hit")
 """What is known besides of a car among bots or boxes."""
 
+RACE_RECORDS = ("laps", "resets", "penalties")
+"""What is known besides of a car in a race."""
+
 TERMS = frozenset({"lane", "keep", "dprog", "fail"})
 """What every car may be paid for."""
 

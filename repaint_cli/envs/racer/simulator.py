@@ -15,9 +15,10 @@ from repaint_cli.symmetry import Symmetry
 if TYPE_CHECKING:
     from repaint_cli.envs.episodes import Column, Episodes
     from repaint_cli.envs.logs import LogFormat
+    from repaint_cli.envs.racer.dynamics.race import RaceRules
     from repaint_cli.envs.racer.paths import RacerPaths
     from repaint_cli.envs.reward_functions import RewardFunctions
-    from repaint_cli.envs.simulator import Environments
+    from repaint_cli.envs.simulator import Environments, Simulator
 
 
 class RacerSimulator(RacerSettings):
@@ -52,11 +53,21 @@ class RacerSimulator(RacerSettings):
                 load_track(self.track, self.waypoints), n_envs, car=self.car, actions=self.actions,
                 sensors=self.sensors, objects=self.objects, crash=self.crash,
                 range_min=self.range_min, max_steps=self.longest_episode(), noise=amplitudes,
-                appearance=appearance,
+                appearance=appearance, race=self.race_rules(),
                 autoreset_mode=AutoresetMode.DISABLED if one_episode else AutoresetMode.NEXT_STEP,
             )  # fmt: skip
         except ValueError as error:
             raise CardError(f"[env]: {error}") from error
+
+    def race_rules(self) -> "RaceRules | None":
+        """Return the rules of races where an episode is one."""
+        return None
+
+    def racing(self, config: EvalConfig) -> "Simulator":
+        """Return the racer whose episodes are races; see `Simulator.racing`."""
+        from repaint_cli.envs.racer.race_simulator import RaceSimulator
+
+        return RaceSimulator.of(self, config)
 
     def longest_episode(self) -> int:
         """Return the time limit, in steps."""

@@ -84,7 +84,8 @@ class Fleet:
         self._max_steps = max_steps
         self._commands = np.zeros((n, 2))  # of the last step
         self._fronts = np.zeros((n, 2))
-        self._measures = np.zeros((n, 6))
+        self.measures = np.zeros((n, 6))
+        """`geometry.locate`'s answers."""
         self._starts = np.zeros(n)  # lap fractions
         self._progress = np.zeros(n)  # percent
         self._counters = Counters.zeros(n)
@@ -149,9 +150,25 @@ class Fleet:
             for road, own in self._directions.by_road(rows):
                 self.objects.drive(road, own, STEP_SECONDS)
         crashed = self._meet(rows)
-        status = status_of(self._measures, self._progress, self._counters, self._max_steps, crashed)
+        status = status_of(self.measures, self._progress, self._counters, self._max_steps, crashed)
         self.status[rows] = status[rows]
         return gained
+
+    def begin_lap(self, rows: Rows) -> None:
+        """Let these cars (K,), which completed a lap, drive on into the next."""
+        self.status[rows] = IN_PROGRESS
+        self._progress[rows] = 0.0
+
+    def put_back(self, row: int, point: Floats, along: float) -> None:
+        """Put a car at rest on a point (2,), along the road at an arclength, m; it goes on."""
+        road, rows = self.road_of(row), np.array([row])
+        _, self.states[rows, YAW] = road.pose_at(np.array([along / road.length]))
+        self.states[row, :2] = point
+        self.states[row, [SPEED, STEERING]] = self._commands[row] = 0.0
+        self._counters.clear_trouble(rows)
+        self.status[row] = IN_PROGRESS
+        self._measure(rows, self._progress[rows])
+        self._meet(rows)
 
     def terms(self, rows: Rows, gained: Floats) -> dict[str, Any]:
         """Return the reward terms φ of a step, each (N,).
@@ -162,17 +179,21 @@ class Fleet:
         """
         drove = np.zeros(len(self.states))
         drove[rows] = 1.0
-        terms = reward_terms(self._measures, gained, self.status)
+        terms = reward_terms(self.measures, gained, self.status)
         if self.objects:
             after = self._encounters[:, NEXT].astype(np.int64)
             sides = self.objects.poses[np.arange(len(after)), after, SIDE]
             terms |= traffic_terms(self._encounters, sides, terms["lane"])
         return {name: term * drove for name, term in terms.items()}
 
+    def road_of(self, row: int) -> Track:
+        """Return the track in the direction that a car drives it."""
+        return self._directions.road_of(row)
+
     @property
     def lap_fractions(self) -> Floats:
         """Arclength from the start line over the track's length, (N,)."""
-        return self._measures[:, NDIST]
+        return self.measures[:, NDIST]
 
     def report(self) -> dict[str, Any]:
         """Return the state of the cars by name, each (N,) in new arrays.
@@ -188,7 +209,7 @@ class Fleet:
             "steering": self.states[:, STEERING].copy(),
             "progress": self._progress.copy(),
             "lap_time": self._counters.steps * STEP_SECONDS,
-            "wheels_on": self._measures[:, WHEELS_ON].copy(),
+            "wheels_on": self.measures[:, WHEELS_ON].copy(),
             "waypoint": self._directions.nearest_waypoints(self.lap_fractions),
             "status": self.status.astype(np.float64),
         }
@@ -208,12 +229,12 @@ class Fleet:
         objects = self.objects
         return params_of(
             CarState(
-                road=self._directions.road_of(row),
+                road=self.road_of(row),
                 is_reversed=bool(self._directions.reverse[row]),
                 front=self._fronts[row],
                 yaw=float(self.states[row, YAW]),
                 chosen=chosen,
-                measures=self._measures[row],
+                measures=self.measures[row],
                 progress=float(self._progress[row]),
                 steps=int(self._counters.steps[row]),
                 seconds=float(self._counters.steps[row] * STEP_SECONDS),
@@ -232,7 +253,7 @@ class Fleet:
         """
         if self.objects is None:
             return np.zeros(len(self.states), np.bool_)
-        along = self._measures[:, NDIST] * self.track.length
+        along = self.measures[:, NDIST] * self.track.length
         meet(
             rows, self.states, along, self.track.length, self.objects.poses,
             self.objects.along, CAR_BODY, self.objects.body, self._lens, self._encounters,
@@ -252,7 +273,7 @@ class Fleet:
                 *road.lines,
                 *road.outline,
                 self._fronts,
-                self._measures,
+                self.measures,
             )
-        ndist = self._measures[rows, NDIST]
+        ndist = self.measures[rows, NDIST]
         self._progress[rows] = progress_since(ndist, self._starts[rows], progress_before)

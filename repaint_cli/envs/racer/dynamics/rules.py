@@ -69,6 +69,11 @@ class Counters:
         for counter in (self.steps, self.still, self.backwards):
             counter[rows] = 0
 
+    def clear_trouble(self, rows: NDArray[np.int64]) -> None:
+        """Let these rows (K,) go on in their episodes as if they had moved."""
+        for counter in (self.still, self.backwards):
+            counter[rows] = 0
+
     def count(self, rows: NDArray[np.int64], moved: Floats, gained: Floats) -> None:
         """Count a step of rows (K,): how far each base moved (K,), m; progress gained (K,)."""
         self.steps[rows] += 1
