@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from repaint_cli.cli import completion
+from repaint_cli.cli.from_drfc import from_drfc
 from repaint_cli.cli.help_page import OPTIONS, HelpPage
 from repaint_cli.cli.options import Yes, argument, option
 from repaint_cli.cli.track import track
@@ -19,6 +20,7 @@ tasks = typer.Typer(
     no_args_is_help=True, help="List, show, copy, write, check task cards; trust a run."
 )
 tasks.add_typer(track, name="track")
+tasks.command("from-drfc", cls=HelpPage)(from_drfc)
 TaskName = Annotated[
     str,
     argument(
@@ -95,7 +97,7 @@ def copy(
     from repaint_cli.tasks.card_text import to_toml
 
     card = read_task(name)
-    _check_new(file)
+    check_new(file)
     _write_card(file, to_toml(card), "repaint train-teacher --task {}")
 
 
@@ -114,11 +116,11 @@ def new(
     """
     from repaint_cli.cli.new_card import new_card
 
-    _check_new(file)
+    check_new(file)
     _write_card(file, new_card(env), "repaint tasks check {}")
 
 
-def _check_new(file: Path) -> None:
+def check_new(file: Path) -> None:
     """Check that a card may be written there.
 
     Raises:
