@@ -44,12 +44,9 @@ def steps_per_second(env: Any, seconds: float = 1.0) -> float:
 
 def racer(kind: str, cars: int, threads: int, draws: bool) -> float:
     """Measure the racer."""
-    from repaint_cli.envs.racer.env import RacerVectorEnv
-    from repaint_cli.envs.racer.track.files import load_track
+    from repaint_cli.envs.racer.gym_env import make_cars
 
-    settings = dict(KINDS[kind])
-    track = load_track(settings.pop("track"))
-    env = RacerVectorEnv(track, cars, threads=threads, **settings)
+    env = make_cars(cars, threads=threads, **KINDS[kind])
     if draws:
         return steps_per_second(env)
     obs, _ = env.reset(seed=0)

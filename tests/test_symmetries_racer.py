@@ -7,6 +7,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from repaint_cli.envs.racer.dynamics.car import ACTIONS
+from repaint_cli.envs.racer.dynamics.objects import ObjectSettings
 from repaint_cli.envs.racer.env import RacerVectorEnv
 from repaint_cli.envs.racer.names import OBJECT_TERMS, TERMS
 from repaint_cli.envs.racer.sight import sensors
@@ -56,6 +57,7 @@ def symmetry_of(**settings):
 def played(settings, symmetry):
     """Play random actions on a track and those of the mirror on its mirror image; yield both."""
     track = load_track(settings.pop("track"))
+    settings["objects"] = ObjectSettings(settings.pop("n_bots", 0))
     env = RacerVectorEnv(track, N_CARS, **settings)
     mirror = RacerVectorEnv(mirrored_track(track), N_CARS, **settings)
     show_in_mirror(mirror, track)

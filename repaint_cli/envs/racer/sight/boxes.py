@@ -137,20 +137,22 @@ def draw_box(
         return
     top, bottom, first, last = _bounds(ahead, left, cos, sin, body, lens, (rows, columns))
     ox, oy = -(ahead * cos + left * sin), -(left * cos - ahead * sin)  # the eye, in the box's frame
-    oz = height - body[HEIGHT] / 2.0
+    half_length, half_width, half_height = body[0] / 2.0, body[1] / 2.0, body[2] / 2.0
+    end, side = np.uint8(body[END]), np.uint8(body[SIDE])
+    oz = height - half_height
     for r in range(top, bottom):
         v = (r + 0.5 - rows / 2.0) / focal
         run = np.cos(pitch) - v * np.sin(pitch)  # of the ray, ahead of the car
         rise = -np.sin(pitch) - v * np.cos(pitch)
-        near_z, far_z = _slab(oz, rise, body[HEIGHT] / 2.0, 0.0, np.inf)
+        near_z, far_z = _slab(oz, rise, half_height, 0.0, np.inf)
         if near_z > far_z:
             continue
         for c in range(first, last):
             u = -(c + 0.5 - columns / 2.0) / focal  # to the left
-            near_x, far = _slab(ox, run * cos + u * sin, body[LENGTH] / 2.0, near_z, far_z)
-            near, far = _slab(oy, u * cos - run * sin, body[WIDTH] / 2.0, near_x, far)
+            near_x, far = _slab(ox, run * cos + u * sin, half_length, near_z, far_z)
+            near, far = _slab(oy, u * cos - run * sin, half_width, near_x, far)
             if near <= far and near > 0.0:
-                image[r, c] = np.uint8(body[SIDE] if near > near_x else body[END])
+                image[r, c] = side if near > near_x else end
 
 
 @kernel
