@@ -1,9 +1,13 @@
-"""Logs of episodes in a simulator's own format."""
+"""Logs of episodes in a simulator's own format.
+
+**B** steps of all episodes.
+"""
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -52,6 +56,39 @@ class EpisodeLog(ABC):
         """Log the evaluation of seed s after iteration k."""
 
 
+class ReplayedEpisode(NamedTuple):
+    """An episode of a log, with what it was paid and what another reward pays for it."""
+
+    log: str
+    """The file that holds it, as tables call it."""
+    number: int
+    """What the log calls it."""
+    steps: int
+    """That are paid for."""
+    progress: float
+    """How far it came, %."""
+    ended: str
+    """How it ended."""
+    logged: float
+    """Its reward as logged."""
+    new: float
+    """Its reward now."""
+
+
+@dataclass(frozen=True)
+class Replay:
+    """Logged episodes, paid by another reward."""
+
+    episodes: list[ReplayedEpisode]
+    """In the order of the logs."""
+    logged: np.ndarray
+    """What each step that is paid for was paid, (B,)."""
+    new: np.ndarray
+    """What it is paid now, (B,)."""
+    notes: list[str]
+    """What is worth knowing besides."""
+
+
 class LogFormat(ABC):
     """A simulator's format of logs: where they lie in a run, how they are written and drawn."""
 
@@ -95,4 +132,22 @@ class LogFormat(ABC):
             seeds: its seeds, (S,).
             progress: evaluated mean progress, (S, K) in %, where recorded.
             title: over the figures.
+        """
+
+    @abstractmethod
+    def replay(
+        self, logs: Sequence[Path], weights: Mapping[str, float], code: tuple[str, str] | None
+    ) -> Replay:
+        """Pay the episodes of logs by another reward, in the environment's settings.
+
+        Args:
+            logs: files, and folders of them.
+            weights: of the reward terms φ.
+            code: in place of those, a user's reward function: the file's name, and its text.
+
+        Raises:
+            NotFound: there are no logs.
+            CheckpointError: a log is damaged.
+            CardError: a log is of another environment, the reward needs what logs do not hold, or
+                the function failed.
         """

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from repaint_cli.envs.episodes import Episodes, Steps
-from repaint_cli.envs.logs import EpisodeLog, LogFormat, LoggedRun
+from repaint_cli.envs.logs import EpisodeLog, LogFormat, LoggedRun, Replay
 from repaint_cli.envs.racer.deepracer.simtrace import Simtrace
 from repaint_cli.envs.racer.deepracer.traces import Trace, traces_of
 from repaint_cli.envs.racer.simulator import RacerSimulator
@@ -71,3 +71,11 @@ class DeepRacerLogs(LogFormat):
         if progress is None:  # a damaged metrics.csv
             return []
         return draw_training(self._env, run, log, progress[0], title)
+
+    def replay(
+        self, logs: Sequence[Path], weights: Mapping[str, float], code: tuple[str, str] | None
+    ) -> Replay:
+        """Pay the episodes of logs by another reward; see `LogFormat.replay`."""
+        from repaint_cli.envs.racer.deepracer.replay import replay
+
+        return replay(self._env, logs, weights, code)

@@ -75,8 +75,8 @@ class RewardFunction(UserFunction):
         self._keys = [name for name in KEYS_SHOWN if re.search(rf"['\"]{name}['\"]", source)]
         self._line = getattr(getattr(function, "__code__", None), "co_firstlineno", 1)
 
-    def __call__(self, params: dict[str, Any], row: int) -> float:
-        """Return what it pays environment `row` for a step.
+    def __call__(self, params: dict[str, Any], row: int | str) -> float:
+        """Return what it pays for a step of environment `row`, or of what a name says.
 
         Raises:
             RewardFailed: the function failed, or paid something that is no number within ±100,000.
@@ -102,11 +102,12 @@ class RewardFunction(UserFunction):
         now = fingerprints(self._module, MODULE)
         return sorted(name for name in now if now[name] != self._at_first.get(name))
 
-    def _moment(self, params: dict[str, Any], row: int) -> str:
+    def _moment(self, params: dict[str, Any], row: int | str) -> str:
         """Return the step, and what `params` held of it in the keys that the function names."""
         values = [f"{name} = {_short(params.get(name))}" for name in self._keys]
+        whose = row if isinstance(row, str) else f"environment {row}"
         return ", ".join(
-            [f"at step {_short(params.get('steps'))} of environment {row}", *values[:MOST_SHOWN]]
+            [f"at step {_short(params.get('steps'))} of {whose}", *values[:MOST_SHOWN]]
         )
 
     def _describe(self, error: BaseException) -> str:

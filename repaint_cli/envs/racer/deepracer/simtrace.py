@@ -2,6 +2,8 @@
 
 training-simtrace/{k}-iteration.csv                         every training step, k from 0
 evaluation-{stamp}/evaluation-simtrace/0-iteration.csv      every step of `repaint eval`
+logs/training/training-repaint-robomaker.log                the same steps as text, in one file
+logs/evaluation/evaluation-{stamp}-repaint-robomaker.log
 metrics/TrainingMetrics.json                                an entry per episode
 model/model_metadata.json  ip/hyperparameters.json  reward_function.py
 """
@@ -19,6 +21,7 @@ import numpy as np
 from repaint_cli.envs.logs import LoggedRun
 from repaint_cli.envs.racer.deepracer.model_files import hyperparameters, model_metadata
 from repaint_cli.envs.racer.deepracer.simtrace_reader import TRAINING, training_files
+from repaint_cli.envs.racer.deepracer.simtrace_text import COLUMNS, TextLog, text_line
 from repaint_cli.envs.racer.deepracer.traces import Trace
 from repaint_cli.envs.racer.deepracer.training_metrics import TrainingMetrics
 from repaint_cli.envs.racer.dynamics.car import STEP_SECONDS
@@ -28,16 +31,10 @@ from repaint_cli.errors import DamagedFile, StoreError, reported_as
 from repaint_cli.files.atomic import as_json, write_errors, write_text
 from repaint_cli.files.limits import read_json, read_text
 
-COLUMNS = (
-    "episode", "steps", "X", "Y", "yaw", "steer", "throttle", "action", "reward", "done",
-    "all_wheels_on_track", "progress", "closest_waypoint", "track_len", "tstamp", "episode_status",
-    "pause_duration", "obstacle_crash_counter", "wall_clock",
-)  # fmt: skip
-"""Of a simtrace, in DeepRacer's order."""
-
 METRICS_FILE = "metrics/TrainingMetrics.json"
+TEXT_FILE = "logs/training/training-repaint-robomaker.log"
 
-EMPTY_LOG: Mapping[str, float] = {"clock": 0.0, "episodes": 0, "noted": 0}
+EMPTY_LOG: Mapping[str, float] = {"clock": 0.0, "episodes": 0, "noted": 0, "text": 0}
 """How far a log is before anything was driven."""
 
 
@@ -63,13 +60,17 @@ class Simtrace:
         self._length = load_track(env.track).length
         self._clock, self._episodes = 0.0, 0
         self._metrics = TrainingMetrics(folder / METRICS_FILE)
+        self._text = TextLog(folder / TEXT_FILE)
         self._noted: list[dict[str, Any]] = []
         self._write_settings(env, run, resumed)
 
     @property
     def position(self) -> dict[str, float]:
         """How far the log is, for `go_back`."""
-        return {"clock": self._clock, "episodes": self._episodes, "noted": self._metrics.count}
+        return {
+            "clock": self._clock, "episodes": self._episodes, "noted": self._metrics.count,
+            "text": self._text.size,
+        }  # fmt: skip
 
     def go_back(self, k: int, position: Mapping[str, float]) -> None:
         """Remove what was logged after iteration k, when the log was at `position`.
@@ -80,6 +81,7 @@ class Simtrace:
         """
         position = {**EMPTY_LOG, **position}
         self._metrics.cut(int(position["noted"]))
+        self._text.cut(int(position["text"]))
         self._noted, self._clock = [], position["clock"]
         self._episodes = int(position["episodes"])
         for iteration, file in training_files(self.folder):
@@ -94,8 +96,9 @@ class Simtrace:
         drove, since the tools divide by that number.
         """
         first = max(self._episodes, (k - 1) * self._per_iteration)
-        text = self._table(traces, first, "training")
-        write_text(self.folder / TRAINING / f"{k - 1}-iteration.csv", text)
+        table, lines = self._tables(traces, first, "training")
+        write_text(self.folder / TRAINING / f"{k - 1}-iteration.csv", table)
+        self._text.append(lines)
         self._episodes = first + len(traces)
         self._write_metrics()
 
@@ -118,9 +121,11 @@ class Simtrace:
         alone = not self._holds_training()
         if alone:
             places.append(f"{TRAINING}/0-iteration.csv")
-        text = self._table(traces, 0, "evaluation")
+        table, lines = self._tables(traces, 0, "evaluation")
         for place in places:
-            write_text(self.folder / place, text)
+            write_text(self.folder / place, table)
+        places.append(f"logs/evaluation/evaluation-{stamp}-repaint-robomaker.log")
+        write_text(self.folder / places[-1], lines)
         if alone:
             self._write_metrics()
             places.append(METRICS_FILE)
@@ -157,15 +162,17 @@ class Simtrace:
             if text is not None:
                 write_text(self.folder / place, text)
 
-    def _table(self, traces: Sequence[Trace], first: int, phase: str) -> str:
-        """Return the rows of some episodes as CSV, and note the episodes."""
-        text = io.StringIO()
-        writer = csv.writer(text, lineterminator="\n")
+    def _tables(self, traces: Sequence[Trace], first: int, phase: str) -> tuple[str, str]:
+        """Return the steps of some episodes as CSV and as text, and note the episodes."""
+        table, lines = io.StringIO(), list[str]()
+        writer = csv.writer(table, lineterminator="\n")
         writer.writerow(COLUMNS)
         for i, trace in enumerate(traces):
-            writer.writerows(self._rows(first + i, trace))
+            rows = list(self._rows(first + i, trace))
+            writer.writerows(rows)
+            lines += map(text_line, rows)
             self._note(first + i + 1, trace, phase, trial=i + 1)
-        return text.getvalue()
+        return table.getvalue(), "".join(lines)
 
     def _rows(self, episode: int, trace: Trace) -> Iterator[tuple[Any, ...]]:
         """Yield the rows of an episode; the first is "prepare", where the tools start the clock."""

@@ -1,0 +1,139 @@
+"""Logged episodes on a track: what a log says, and where the car stood. SI units.
+
+What a log says of a step is taken from it, the rest of a reward's argument is measured on the track
+as in training. **T** steps of an episode; progress is in percent.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from repaint_cli.envs.racer.deepracer.params import CarState
+from repaint_cli.envs.racer.deepracer.simtrace_reader import LoggedEpisode, read_episodes
+from repaint_cli.envs.racer.dynamics.car import CAR_POINTS, FRONT_OFFSET, STEP_SECONDS
+from repaint_cli.envs.racer.track.geometry import CENTRE_GAP, NDIST, ROAD_WIDTH, Floats, measure
+from repaint_cli.envs.racer.track.track import Track
+from repaint_cli.errors import CardError, NotFound
+
+OTHER_LENGTH = 0.01
+"""Of a track: from this share on, a log that says another length is of another track."""
+ASTRAY = 0.2
+"""From this share of steps on that are a road's width off the middle, a log is of another track."""
+CLOCK = 2e-4
+"""Our steps take 1/15 s, written with four digits; DeepRacer's vary by more, s."""
+
+
+@dataclass(frozen=True)
+class DrivenEpisode:
+    """A logged episode, measured on a track."""
+
+    log: Path
+    """The file that holds it."""
+    logged: LoggedEpisode
+    """What that says."""
+    road: Track
+    """The track, in the direction that the car drives it."""
+    is_reversed: bool
+    """Whether that is the reverse direction."""
+    measures: Floats
+    """`geometry.locate`'s answers, (T, 6)."""
+    paid: NDArray[np.bool_]
+    """Which steps a reward is paid for, (T,)."""
+
+    @property
+    def status(self) -> str:
+        """How it ended, a name in STATUS where it ended; a whole lap is one, whatever follows."""
+        return "lap_complete" if self.logged.trace.progress[-1] >= 100 else self.logged.trace.status
+
+    def state(self, t: int) -> CarState:
+        """Return the car after a step, without other cars."""
+        logged, trace = self.logged, self.logged.trace
+        is_last = t == len(trace) - 1
+        return CarState(
+            road=self.road,
+            is_reversed=self.is_reversed,
+            front=trace.xy[t],
+            yaw=float(np.deg2rad(trace.yaw[t])),
+            chosen=np.array([np.deg2rad(trace.steer[t]), trace.throttle[t]]),
+            measures=self.measures[t],
+            progress=float(trace.progress[t]),
+            steps=int(logged.steps[t]),
+            seconds=float(logged.seconds[t] - logged.seconds[0]) + STEP_SECONDS,
+            crashed=is_last and trace.status == "crashed",
+            poses=np.empty((0, 4)),
+            bots_along=np.empty(0),
+            encounter=np.zeros(6),
+        )
+
+
+def read_driven(path: Path, track: Track) -> list[DrivenEpisode]:
+    """Read the episodes of a log, and measure them on the track that they were driven on.
+
+    Raises:
+        CheckpointError: the file cannot be read or is damaged.
+        NotFound: it holds no episode.
+        CardError: it is of another track.
+    """
+    episodes = read_episodes(path)
+    if not episodes:
+        raise NotFound(
+            f"{path}: expected a simtrace (.csv) or a text with lines SIM_TRACE_LOG:…, found no "
+            "step of an episode"
+        )
+    for episode in episodes:
+        if abs(episode.track_length - track.length) > OTHER_LENGTH * track.length:
+            raise CardError(
+                f"{path}: its track is {episode.track_length:.2f} m long, and the card's, "
+                f"'{track.name}', {track.length:.2f} m; name the log's track in [env]"
+            )
+    roads = track, track.reversed()
+    clocks = (np.abs(np.diff(episode.seconds) - STEP_SECONDS) for episode in episodes)
+    ours = all(clock.max(initial=0) < CLOCK for clock in clocks)
+    driven = [_driven(path, episode, roads, ours) for episode in episodes]
+    _check_track(path, driven, track)
+    return driven
+
+
+def _driven(
+    path: Path, logged: LoggedEpisode, roads: tuple[Track, Track], ours: bool
+) -> DrivenEpisode:
+    """Measure an episode on the road in the direction in which its progress grows."""
+    measures, is_reversed = _measured(logged, roads[0]), False
+    ways = np.diff(measures[:, NDIST]), np.diff(logged.trace.progress) / 100
+    along, progress = (way - np.round(way) for way in ways)  # over the start line, or the lap's end
+    if (along * progress).sum() < 0:
+        measures, is_reversed = _measured(logged, roads[1]), True
+    paid = ~logged.unpaid
+    if ours:  # our first step is called "prepare" for the tools' sake
+        paid[0] = True
+    return DrivenEpisode(path, logged, roads[is_reversed], is_reversed, measures, paid)
+
+
+def _measured(logged: LoggedEpisode, road: Track) -> Floats:
+    """Return where the car stood on a road after each step, (T, 6)."""
+    yaw = np.deg2rad(logged.trace.yaw)
+    base = logged.trace.xy - FRONT_OFFSET * np.stack([np.cos(yaw), np.sin(yaw)], axis=1)
+    states = np.hstack([base, yaw[:, None], np.zeros((len(yaw), 2))])
+    fronts, measures = np.zeros((len(yaw), 2)), np.zeros((len(yaw), 6))
+    rows = np.arange(len(yaw))
+    measure(rows, states, CAR_POINTS, *road.lines, *road.outline, fronts, measures)
+    return measures
+
+
+def _check_track(path: Path, driven: Sequence[DrivenEpisode], track: Track) -> None:
+    """Check that the cars were on the road, but for the steps that ended episodes.
+
+    Raises:
+        CardError: too often they were not.
+    """
+    astray = np.concatenate([
+        (one.measures[:, CENTRE_GAP] > one.measures[:, ROAD_WIDTH])[:-1] for one in driven
+    ])  # fmt: skip
+    if astray.size and astray.mean() > ASTRAY:
+        raise CardError(
+            f"{path}: {astray.mean():.0%} of its steps are more than a road's width away from the "
+            f"middle of the card's track, '{track.name}'; name the log's track in [env]"
+        )
