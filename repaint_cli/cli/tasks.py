@@ -1,4 +1,4 @@
-"""`repaint tasks list | show | copy | new | check | trust`; `track` has a file of its own."""
+"""`repaint tasks list | show | copy | new | check | trust`; `replay`, `track` have files of their own."""
 
 import os
 from pathlib import Path
@@ -10,6 +10,7 @@ from repaint_cli.cli import completion
 from repaint_cli.cli.from_drfc import from_drfc
 from repaint_cli.cli.help_page import OPTIONS, HelpPage
 from repaint_cli.cli.options import Yes, argument, option
+from repaint_cli.cli.replay import replay
 from repaint_cli.cli.track import track
 
 if TYPE_CHECKING:
@@ -17,10 +18,12 @@ if TYPE_CHECKING:
     from repaint_cli.tasks.card import TaskCard
 
 tasks = typer.Typer(
-    no_args_is_help=True, help="List, show, copy, write, check task cards; trust a run."
+    no_args_is_help=True,
+    help="List, show, copy, write, check task cards; replay logs; trust a run.",
 )
 tasks.add_typer(track, name="track")
 tasks.command("from-drfc", cls=HelpPage)(from_drfc)
+tasks.command(cls=HelpPage)(replay)
 TaskName = Annotated[
     str,
     argument(

@@ -1,6 +1,6 @@
 """Logs of episodes in a simulator's own format.
 
-**B** steps of all episodes.
+**E** episodes · **B** steps of all of them.
 """
 
 from abc import ABC, abstractmethod
@@ -69,6 +69,8 @@ class ReplayedEpisode(NamedTuple):
     """How far it came, %."""
     ended: str
     """How it ended."""
+    whole: bool
+    """Whether it came all the way."""
     logged: float
     """Its reward as logged."""
     new: float
@@ -87,6 +89,17 @@ class Replay:
     """What it is paid now, (B,)."""
     notes: list[str]
     """What is worth knowing besides."""
+
+    @property
+    def returns(self) -> tuple[np.ndarray, np.ndarray]:
+        """What each episode was paid, and is paid now, each (E,)."""
+        logged, new = np.array([(one.logged, one.new) for one in self.episodes]).T
+        return logged, new
+
+    @property
+    def whole(self) -> np.ndarray:
+        """Which episodes came all the way, (E,)."""
+        return np.array([one.whole for one in self.episodes])
 
 
 class LogFormat(ABC):

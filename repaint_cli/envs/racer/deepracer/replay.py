@@ -1,4 +1,7 @@
-"""What a reward pays for the steps that logs hold. **T** steps of an episode, progress in percent."""
+"""What a reward pays for the steps that logs hold.
+
+**T** steps of an episode. SI units, progress in percent.
+"""
 
 import re
 from collections.abc import Callable, Mapping, Sequence
@@ -60,9 +63,15 @@ def _replayed(
     trace, paid = episode.logged.trace, episode.paid
     logged, new = trace.reward[paid], pay(episode)[paid]
     told = ReplayedEpisode(
-        file.label, episode.logged.number, int(paid.sum()), float(trace.progress[-1]),
-        episode.status.replace("_", " "), float(logged.sum()), float(new.sum()),
-    )  # fmt: skip
+        log=file.label,
+        number=episode.logged.number,
+        steps=int(paid.sum()),
+        progress=float(trace.progress[-1]),
+        ended=episode.status.replace("_", " "),
+        whole=episode.status == "lap_complete",
+        logged=float(logged.sum()),
+        new=float(new.sum()),
+    )
     return told, logged, new
 
 
