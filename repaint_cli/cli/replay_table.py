@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Sequence
+from math import ceil
 
 import numpy as np
 
@@ -13,8 +14,8 @@ MOST_ROWS = 40
 """Of a table; more episodes are summed up in so many rows."""
 LONGEST = 20
 """Letters of a log's name in a table."""
-SAME = 1e-4
-"""Of a reward, or of 1: logs have no more digits."""
+SAME = 5e-4
+"""Of a reward, or of 1: texts have four digits, also of what a reward is computed from."""
 
 Row = Sequence[str]
 
@@ -79,8 +80,9 @@ def _rows(episodes: Sequence[ReplayedEpisode]) -> list[Row]:
 def _groups(episodes: Sequence[ReplayedEpisode]) -> list[Row]:
     """Return a table's head and a row for each group of neighbours, with their means."""
     rows: list[Row] = [("from", "to", "episodes", "laps", "progress", "logged", "new")]
-    for part in np.array_split(np.arange(len(episodes)), MOST_ROWS):
-        group = [episodes[i] for i in part]
+    size = ceil(len(episodes) / MOST_ROWS)
+    for first in range(0, len(episodes), size):
+        group = episodes[first : first + size]
         progress, logged, new = (
             np.mean([getattr(one, name) for one in group]) for name in ("progress", "logged", "new")
         )

@@ -1,4 +1,4 @@
-"""`repaint tasks list | show | copy | new | check | trust`; `replay`, `track` have files of their own."""
+"""`repaint tasks list | show | copy | new | check | trust`; `track` and `replay` lie beside it."""
 
 import os
 from pathlib import Path
@@ -186,13 +186,13 @@ def check(
             return
     card = read_task(name)
     if engine is None:
-        _check_card(card)
+        _check_card(name, card)
         return
     for line in card.env.beside(engine):
         print(plain(line))
 
 
-def _check_card(card: "TaskCard") -> None:
+def _check_card(name: str, card: "TaskCard") -> None:
     """Print what training would stumble over, a line each, or that there is nothing.
 
     Raises:
@@ -200,6 +200,7 @@ def _check_card(card: "TaskCard") -> None:
     """
     from repaint_cli.cli.console import plain
     from repaint_cli.learn.task_check import check_task
+    from repaint_cli.tasks.card_files import notes_on_files
 
     checked = check_task(card)
     for warning in checked.warnings:
@@ -212,7 +213,7 @@ def _check_card(card: "TaskCard") -> None:
         f"{card.name} is sound: {checked.spaces}; {n_episodes} episodes of a first policy have "
         f"{checked.n_steps / n_episodes:.4g} steps on average; reward terms of a step: {terms}"
     )
-    for note in checked.notes:
+    for note in notes_on_files(name, card) + checked.notes:
         print(f"note: {plain(note)}")
 
 

@@ -66,6 +66,26 @@ def check_no_environment(name: str) -> None:
     raise NotFound(line)
 
 
+def notes_on_files(name: str, card: TaskCard) -> list[str]:
+    """Return what is worth knowing where a card of one's own names DeepRacer's files.
+
+    Args:
+        name: as `read_task` took it.
+        card: what that returned.
+    """
+    from repaint_cli.envs.racer.deepracer.physics import better_car
+
+    path = Path(name)
+    if path.suffix != ".toml":
+        return []
+    with reported_as(CardError):
+        metadata = _model_metadata(read_toml(path), path.parent)
+    files = [metadata.name] if metadata else []
+    files += [card.reward_code.name] if card.reward_code else []
+    line = better_car(card.env, files)
+    return [line] if line else []
+
+
 def _resolve(path: Path) -> dict[str, Any]:
     """Read TOML and merge it over what it extends; files beside the card are put in place."""
     with reported_as(CardError):
