@@ -54,7 +54,7 @@ def replay(
             f"expected --plot with a name that ends in .png or .svg, found '{picture}'"
         )
     check_replaceable([picture], advice="name another with --plot")
-    code = card.reward_code and (card.reward_code.name, card.reward_code.source)
+    code = (card.reward_code.name, card.reward_code.source) if card.reward_code else None
     replayed = card.env.logs.replay(logs, card.reward, code)
     payer = code[0] if code else f"the reward of {card.name}"
     if as_json:

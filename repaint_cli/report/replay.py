@@ -41,16 +41,18 @@ def plot_replay(logged: Floats, new: Floats, laps: np.ndarray, path: Path, title
     """
     figure = style.new_figure(9.4, 4.4)
     style.headline(figure, title)
-    left, right = figure.subfigures(1, 2, width_ratios=(1, 1.15))
-    axes: Axes = left.subplots()
+    places = figure.add_gridspec(2, 2, width_ratios=(1, 1.15))
+    axes = figure.add_subplot(places[:, 0])
     _scatter(axes, logged, new, laps)
     axes.set_xlabel("reward of an episode, logged", size=style.TEXT_SIZE)
     axes.set_ylabel("reward of the same episode, new", size=style.TEXT_SIZE)
     axes.set_title(
         f"correlation over episodes: {correlation_text(logged, new)}", size=style.TEXT_SIZE
     )
-    above, below = right.subplots(2, 1, sharex=True)
-    number = np.arange(1, len(logged) + 1)
+    below = figure.add_subplot(places[1, 1])
+    above = figure.add_subplot(places[0, 1], sharex=below)
+    above.tick_params(labelbottom=False)
+    number = np.arange(1.0, len(logged) + 1)
     for panel, values, name in ((above, logged, "logged"), (below, new, "new")):
         panel.plot(number, values, color="#c9c9c9", linewidth=1, zorder=1)
         _scatter(panel, number, values, laps)

@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 from repaint_cli.envs.racer.deepracer.params import CarState
 from repaint_cli.envs.racer.deepracer.simtrace_reader import LoggedEpisode, read_episodes
 from repaint_cli.envs.racer.dynamics.car import CAR_POINTS, FRONT_OFFSET, STEP_SECONDS
+from repaint_cli.envs.racer.dynamics.fleet import OPEN_START
+from repaint_cli.envs.racer.dynamics.rules import progress_since
 from repaint_cli.envs.racer.track.geometry import NDIST, WHEELS_ON, Floats, measure
 from repaint_cli.envs.racer.track.track import Track
 from repaint_cli.errors import CardError, NotFound
@@ -48,6 +50,20 @@ class DrivenEpisode:
     def status(self) -> str:
         """How it ended, a name in STATUS where it ended; a whole lap is one, whatever follows."""
         return "lap_complete" if self.logged.trace.progress[-1] >= 100 else self.logged.trace.status
+
+    @property
+    def first_progress(self) -> float:
+        """Progress before the first step, that of a car which stands where the episode starts.
+
+        In an evaluation that drives lap after lap, the second begins at 0.
+        """
+        if self.logged.steps[0] > 1:
+            return 0.0
+        road, progress = self.road, self.logged.trace.progress[:1] / 100
+        start = (self.measures[:1, NDIST] - progress) % 1 if road.closed else np.zeros(1)
+        base, yaw = road.pose_at(start if road.closed else start + OPEN_START / road.length)
+        front = _located(base, yaw, road)[:, NDIST]
+        return float(progress_since(front, start, np.zeros(1))[0])
 
     def state(self, t: int) -> CarState:
         """Return the car after a step, without other cars."""
@@ -117,6 +133,11 @@ def _measured(logged: LoggedEpisode, road: Track) -> Floats:
     """Return where the car stood on a road after each step, (T, 6)."""
     yaw = np.deg2rad(logged.trace.yaw)
     base = logged.trace.xy - FRONT_OFFSET * np.stack([np.cos(yaw), np.sin(yaw)], axis=1)
+    return _located(base, yaw, road)
+
+
+def _located(base: Floats, yaw: Floats, road: Track) -> Floats:
+    """Return `geometry.locate`'s answers, (T, 6), for bases (T, 2) and headings (T,) on a road."""
     states = np.hstack([base, yaw[:, None], np.zeros((len(yaw), 2))])
     fronts, measures = np.zeros((len(yaw), 2)), np.zeros((len(yaw), 6))
     rows = np.arange(len(yaw))

@@ -15,8 +15,6 @@ from repaint_cli.envs.racer.deepracer.driven import DrivenEpisode, read_driven
 from repaint_cli.envs.racer.deepracer.log_files import LogFile, find_logs
 from repaint_cli.envs.racer.deepracer.params import params_of
 from repaint_cli.envs.racer.deepracer.reward_file import RewardFunction
-from repaint_cli.envs.racer.dynamics.car import FRONT_OFFSET
-from repaint_cli.envs.racer.dynamics.fleet import OPEN_START
 from repaint_cli.envs.racer.dynamics.rules import IN_PROGRESS, reward_terms
 from repaint_cli.envs.racer.names import STATUS, TERMS
 from repaint_cli.envs.racer.simulator import RacerSimulator
@@ -118,14 +116,11 @@ class TermsPay:
 
     def __call__(self, episode: DrivenEpisode) -> Floats:
         """Return what the terms pay for an episode, (T,)."""
-        trace, road = episode.logged.trace, episode.road
+        trace = episode.logged.trace
         status = np.full(len(trace), IN_PROGRESS)
         if trace.status in STATUS:
             status[-1] = STATUS.index(trace.status)
-        before = 0.0  # of the lap, where one follows another
-        if episode.logged.steps[0] == 1:
-            before = 100 * (FRONT_OFFSET + (0 if road.closed else OPEN_START)) / road.length
-        gained = np.diff(trace.progress, prepend=before)
+        gained = np.diff(trace.progress, prepend=episode.first_progress)
         terms = reward_terms(episode.measures, gained, status)
         total = np.zeros(len(trace))
         for name, weight in self._weights.items():
