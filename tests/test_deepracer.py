@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from repaint_cli.envs.output import Output, output_to
+from repaint_cli.envs.racer.deepracer import reward_check
 from repaint_cli.envs.racer.deepracer.model_files import hyperparameters, read_model_metadata
 from repaint_cli.envs.racer.env import RacerVectorEnv
 from repaint_cli.envs.racer.track.files import load_track
@@ -244,3 +245,40 @@ def test_the_car_drives_forwards(repaint, home, speed):
     assert f"; action 1 has {speed:g} m/s" in said.err
     with pytest.raises(ValueError, match="only drives forwards; action 0 has"):
         RacerVectorEnv(load_track("oval"), 1, actions=[(0, speed)])
+
+
+def cards_note(repaint, home, env="", reward=""):
+    (home / "r.py").write_text("def reward_function(params):\n    return params['speed']\n")
+    (home / "mine.toml").write_text(
+        f'extends = "racer-inner"\n[env]\ntrack = "oval"\nmax_steps = 5\n{env}\n{reward}'
+    )
+    said = repaint("tasks", "check", "mine.toml")
+    assert said.code == 0
+    return [line for line in said.out.splitlines() if "logs of 2026" in line or "today" in line]
+
+
+FUNCTION = '[reward]\nfunction = "r.py"\n'
+
+
+def test_todays_car_is_suggested_to_cards_with_deepracers_files(repaint, home, monkeypatch):
+    for limit in ("N_STEPS", "LAP_STEPS"):
+        monkeypatch.setattr(reward_check, limit, 2)
+    metadata(home)
+    assert cards_note(repaint, home, reward=FUNCTION) == [
+        "note: r.py is for DeepRacer, and the car is sim4, 0.27 m off after a second on logs of "
+        '2026; env.car = "sim5" is today\'s, 0.11 m off'
+    ]
+    both = 'model_metadata = "model_metadata.json"\n'
+    (line,) = cards_note(repaint, home, both, FUNCTION)
+    assert line.startswith("note: model_metadata.json and r.py are for DeepRacer, and the car is s")
+    (line,) = cards_note(repaint, home, f'{both}car = "ideal"')
+    assert "model_metadata.json is for DeepRacer, and the car is ideal; env.car" in line
+    assert cards_note(repaint, home, f'{both}car = "sim5"', FUNCTION) == []
+    assert cards_note(repaint, home) == []
+
+
+def test_a_task_shows_which_logs_each_car_fits(repaint):
+    lines = repaint("tasks", "show", "racer-inner").out.splitlines()
+    said = " ".join(lines[lines.index('car = "sim4"') - 3 : lines.index('car = "sim4"')])
+    for fact in ("`sim4` fits logs of 2021-22", "on logs of 2026 0.27", "2026 (0.11; on those"):
+        assert fact in said.replace("# ", "")

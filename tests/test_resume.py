@@ -41,6 +41,7 @@ def contents(folder):
         "record": record,
         "pictures": {path.name: path.read_bytes() for path in sorted(folder.glob("*.png"))},
         "logs": [path.read_text() for path in logs],
+        "texts": [texts(path) for path in sorted(folder.rglob("*-robomaker.log"))],
         "files": {str(path.relative_to(folder)) for path in folder.rglob("*")},
     }  # fmt: skip
 
@@ -48,6 +49,11 @@ def contents(folder):
 def table(path):
     with path.open(encoding="utf-8", newline="") as file:
         return [[v for name, v in row.items() if name not in CLOCK] for row in csv.DictReader(file)]
+
+
+def texts(path):
+    """The steps of a log as text, without the time of the clock at their ends."""
+    return [line.rpartition(",")[0] for line in path.read_text().splitlines()]
 
 
 def bits(tensors):

@@ -2,6 +2,7 @@
 
 import csv
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +23,7 @@ from repaint_cli.tasks.task import RewardCode
 
 REAL = Path(__file__).parents[2] / "shared" / "data" / "deepracer" / "logs"
 ALONE = ("training-simtrace/0-iteration.csv", "metrics/TrainingMetrics.json")
+TEXT = "logs/training/training-repaint-robomaker.log"
 TASK = read_task("racer-inner")
 
 
@@ -77,6 +79,64 @@ def test_rows_are_deepracers(tmp_path):
     assert {row["track_len"] for row in rows} == {"17.7000"}
 
 
+def test_all_steps_of_a_training_stand_in_one_text(tmp_path):
+    log = log_of(tmp_path, TASK.with_settings(["ppo.n_episodes=2"]))
+    log.train(1, [trace(3, "lap_complete"), trace(2)])
+    log.evaluate(1, [trace(4)])
+    log.train(2, [trace(2, "crashed")])
+    lines = (tmp_path / TEXT).read_text().splitlines()
+    whole = (
+        r"SIM_TRACE_LOG:\d+,\d+(,-?\d+\.\d{4}){3}(,-?\d+\.\d{2}){2},\d,-?\d+\.\d{4}(,(True|False)){2},"
+        r"-?\d+\.\d{4},\d+,17\.70,\d+\.\d{4},[a-z_]+,0\.00,\d,\d{10}\.\d{4}"
+    )
+    assert all(re.fullmatch(whole, line) for line in lines)
+    assert [line[14:].split(",")[0] for line in lines] == list("0001122")
+    files = [tmp_path / "training-simtrace" / f"{k}-iteration.csv" for k in (0, 1)]
+    rows = [row for file in files for row in rows_of(file)]
+    for line, row in zip(lines, rows, strict=True):
+        for text, cell in zip(line[14:].split(","), row.values(), strict=True):
+            assert text == cell or float(text) == pytest.approx(float(cell), abs=6e-5)
+
+
+def test_a_text_goes_back_with_its_run(tmp_path):
+    log = log_of(tmp_path, TASK)
+    log.train(1, [trace(3)])
+    position, text = log.position, (tmp_path / TEXT).read_text()
+    log.train(2, [trace(2)])
+    again = log_of(tmp_path, TASK, resumed=True)
+    again.go_back(1, position)
+    assert (tmp_path / TEXT).read_text() == text
+    again.train(2, [trace(4)])
+    assert len((tmp_path / TEXT).read_text().splitlines()) == 7
+    (tmp_path / TEXT).unlink()  # which is the user's right
+    again.go_back(1, position)
+    again.train(2, [trace(4)])
+    assert len((tmp_path / TEXT).read_text().splitlines()) == 4
+    again.go_back(0, {})
+    assert not (tmp_path / TEXT).exists()
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_the_communitys_tools_read_the_text(tmp_path):
+    logs = pytest.importorskip("deepracer.logs", reason="deepracer-utils is not installed")
+    written = [trace(3, "lap_complete"), trace(2, seed=1), trace(4, seed=2)]
+    log = log_of(tmp_path, TASK.with_settings(["ppo.n_episodes=2"]))
+    log.train(1, written[:2])
+    log.train(2, written[2:])
+    frame = logs.SimulationLogsIO.load_pandas(str(tmp_path / TEXT), 2)
+    assert frame["iteration"].tolist() == [0] * 5 + [1] * 4
+    assert frame["episode"].tolist() == [0] * 3 + [1] * 2 + [2] * 4
+    assert frame["episode_status"].tolist()[2] == "lap_complete"
+    for column, name in (
+        ("x", "x"), ("yaw", "yaw"), ("steering_angle", "steer"), ("speed", "throttle"),
+        ("reward", "reward"), ("progress", "progress"), ("closest_waypoint", "closest_waypoint"),
+        ("on_track", "all_wheels_on_track"),
+    ):  # fmt: skip
+        ours = np.concatenate([getattr(one, name) for one in written])
+        assert_allclose(frame[column].astype(float), ours, err_msg=name)
+    assert frame["done"].sum() == 3
+
+
 def test_episodes_count_on_also_over_the_teachers_iterations(tmp_path):
     log = log_of(tmp_path, TASK.with_settings(["ppo.n_episodes=2"]))
     log.train(1, [trace(), trace()])
@@ -102,7 +162,9 @@ def test_an_evaluation_beside_a_training_leaves_its_log_alone(tmp_path):
     log_of(tmp_path, TASK).train(1, [trace()])
     before = [(tmp_path / place).read_text() for place in ALONE]
     files = log_of(tmp_path, TASK).evaluate_alone("20261231235959", [trace(2)])
-    (own,) = files
+    own, text = files
+    assert text.name == "evaluation-20261231235959-repaint-robomaker.log"
+    assert len(text.read_text().splitlines()) == 2
     assert own == tmp_path / "evaluation-20261231235959" / "evaluation-simtrace" / "0-iteration.csv"
     assert [(tmp_path / place).read_text() for place in ALONE] == before
     assert len(rows_of(own)) == 2
