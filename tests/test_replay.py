@@ -213,7 +213,10 @@ def test_each_folder_of_logs_has_a_copy_of_the_function(home):
     replay = replayed(task, "log")
     assert replay.new.tolist() == [1, 2, 3, 4, 5, 6] * 2
     assert [one.log for one in replay.episodes] == ["0/0", "0/0", "1/0", "1/0"]
-    assert len(replayed(task, "log/0", "log/0/training-simtrace/0-iteration.csv").new) == 12
+    table = home / "log" / "0" / "training-simtrace" / "0-iteration.csv"
+    table.with_name("1-iteration.csv").write_bytes(table.read_bytes())
+    assert replayed(task, "log/0").new.tolist() == list(range(1, 13))  # of all iterations
+    assert len(replayed(task, "log/0", "log/0/training-simtrace/0-iteration.csv").new) == 18
 
 
 def test_a_log_of_another_track_is_refused(home):
@@ -381,6 +384,10 @@ def test_a_damaged_text_is_refused_by_what_is_wrong(tmp_path):
             read_episodes(path)
     path.write_bytes(b"\xff\xfe\n" + STEP.encode() + STEP.encode()[:-1])  # still being written
     (episode,) = read_episodes(path)
+    assert episode.trace.crashes.tolist() == [0]
+    path.write_text(STEP[:-1] + ",2\t4,5\n")  # what a tab parts is not of the step
+    (episode,) = read_episodes(path)
+    assert episode.trace.crashes.tolist() == [2]
     assert (len(episode.trace), episode.trace.x[0], episode.track_length) == (1, 1.0, 12.0)
 
 

@@ -13,7 +13,8 @@ from small_tasks import reach
 from test_simtrace import TASK, trace
 
 from repaint_cli.cli.console import literal
-from repaint_cli.envs.racer.deepracer.simtrace_reader import read_training
+from repaint_cli.envs.racer.deepracer.simtrace import TEXT_FILE
+from repaint_cli.envs.racer.deepracer.simtrace_reader import read_episodes, read_training
 from repaint_cli.envs.racer.track.files import load_track
 from repaint_cli.files.paths import PACKAGE
 from repaint_cli.policies import weights
@@ -156,9 +157,11 @@ def log_targets(folder):
     log = log_of(folder, TASK)
     log.train(1, [trace(3), trace(4, seed=1)])
     steps = folder / "training-simtrace" / "0-iteration.csv"
+    text = folder / TEXT_FILE
     episodes = folder / "metrics" / "TrainingMetrics.json"
     return {
         "simtrace": Target(steps, lambda: list(read_training(folder)), damage.csv_cases),
+        "steps as text": Target(text, lambda: read_episodes(text), damage.csv_cases),
         "TrainingMetrics.json": Target(episodes, log._holds_training, damage.json_cases),
     }
 

@@ -98,17 +98,20 @@ def test_a_table_has_its_limit(tmp_path, monkeypatch):
         run_of(tmp_path, record(), HEAD + rows((1, 0), (2, 0), (3, 0)))
 
 
-STEPS = "episode,X,Y,yaw,steer,throttle,action,reward,progress,closest_waypoint,episode_status"
+STEPS = (
+    "episode,X,Y,yaw,steer,throttle,action,reward,progress,closest_waypoint,episode_status,"
+    "tstamp,track_len,steps"
+)
 
 
 @pytest.mark.parametrize(
     ("text", "message"),
     [
         ("", "expected one column 'episode'"),
-        (f"{STEPS}\n1,x,0,0,0,0,0,0,0,0,off\n", "could not convert"),
-        (f"{STEPS}\n1,nan,0,0,0,0,0,0,0,0,off\n", r"numbers within 2\^53"),
-        (f"{STEPS}\n1,0,0,0,0,0,1e300,0,0,0,off\n", r"numbers within 2\^53"),
-        (f"{STEPS}\n1,0,0\n", "expected 11 cells, found 3"),
+        (f"{STEPS}\n1,x,0,0,0,0,0,0,0,0,off,0,9,1\n", "could not convert"),
+        (f"{STEPS}\n1,nan,0,0,0,0,0,0,0,0,off,0,9,1\n", r"numbers within 2\^53"),
+        (f"{STEPS}\n1,0,0,0,0,0,1e300,0,0,0,off,0,9,1\n", r"numbers within 2\^53"),
+        (f"{STEPS}\n1,0,0\n", "expected 14 cells, found 3"),
     ],
 )
 def test_a_damaged_log_is_refused(tmp_path, text, message):
@@ -147,7 +150,8 @@ def test_the_largest_tables_take_their_share_of_memory(tmp_path, monkeypatch):
     monkeypatch.setattr("read_damaged_files.SECONDS", 30.0)
     table = HEAD + rows(*((k, 0) for k in range(1, MAX_CELLS // 8 - 1)))
     (tmp_path / "training-simtrace").mkdir()
-    log = STEPS + "\n" + "1,0,0,0,0,0,0,0,0,0,off\n" * (MAX_CELLS // 11 - 2)
+    steps = range(1, MAX_CELLS // 14 - 1)
+    log = f"{STEPS}\n" + "".join(f"1,0,0,0,0,0,0,0,0,0,off,0,9,{n}\n" for n in steps)
     (tmp_path / "training-simtrace" / "0-iteration.csv").write_text(log)
     reading = Reading()
     run_of(tmp_path, record(), table)
@@ -155,13 +159,13 @@ def test_the_largest_tables_take_their_share_of_memory(tmp_path, monkeypatch):
         assert read_run(tmp_path).returns.shape == (1, MAX_CELLS // 8 - 2)
     with reading.watched("a log", log.encode()):
         ((_, (trace,)),) = read_training(tmp_path)
-    assert len(trace) == MAX_CELLS // 11 - 2
+    assert len(trace) == MAX_CELLS // 14 - 2
     assert reading.failures == []
 
 
 def test_a_log_has_so_many_episodes(tmp_path):
     (tmp_path / "training-simtrace").mkdir()
-    log = STEPS + "\n" + "".join(f"{n},0,0,0,0,0,0,0,0,0,off\n" for n in range(10_001))
+    log = STEPS + "\n" + "".join(f"{n},0,0,0,0,0,0,0,0,0,off,0,9,1\n" for n in range(10_001))
     (tmp_path / "training-simtrace" / "0-iteration.csv").write_text(log)
     with pytest.raises(CheckpointError, match="expected at most 10,000 episodes, found more"):
         list(read_training(tmp_path))
