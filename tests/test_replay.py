@@ -172,6 +172,15 @@ def test_progress_begins_where_the_car_starts(home, name, reverse):
     assert began > 0.5
 
 
+@NEEDS_REAL
+def test_lap_after_lap_a_weight_pays_the_whole_of_each(home):
+    track = REAL / "tracks" / "reinvent_base.npy"
+    task = read_task(card(home, track=track, reward="lane = 0.0\ndprog = 1.0\n"))
+    paid = [one.new for one in replayed(task, EVALUATION).episodes]
+    assert_allclose(paid, 1, atol=0.01)  # the first begins in the step that is not paid
+    assert_allclose(paid[1:], 1, atol=1e-9)
+
+
 def edited(path, edit):
     """Change the cells of each row of a simtrace, by column."""
     head, *lines = path.read_text().splitlines()

@@ -81,7 +81,8 @@ class DrivenEpisode:
             seconds=float(logged.seconds[t] - logged.seconds[0]) + STEP_SECONDS,
             crashed=is_last and trace.status == "crashed",
             poses=np.empty((0, 4)),
-            bots_along=np.empty(0),
+            objects_along=np.empty(0),
+            objects_speed=0.0,
             encounter=np.zeros(6),
         )
 

@@ -43,7 +43,7 @@ def replay(
         for file in files:
             parts += [_replayed(file, episode, pay) for episode in read_driven(file.path, track)]
     keys = sorted(set(OBJECT_KEYS.findall(code[1]))) if code else []
-    if keys or env.n_bots:
+    if keys or env.objects.n:
         named = f": {', '.join(keys)} in params say that there are none" if keys else ""
         notes.append(f"logs hold no other cars and no boxes{named}")
     if output.example:
@@ -120,7 +120,8 @@ class TermsPay:
         status = np.full(len(trace), IN_PROGRESS)
         if trace.status in STATUS:
             status[-1] = STATUS.index(trace.status)
-        gained = np.diff(trace.progress, prepend=episode.first_progress)
+        begun = np.where(trace.progress[:-1] >= 100, 0.0, trace.progress[:-1])  # lap after lap
+        gained = trace.progress - np.concatenate([[episode.first_progress], begun])
         terms = reward_terms(episode.measures, gained, status)
         total = np.zeros(len(trace))
         for name, weight in self._weights.items():
