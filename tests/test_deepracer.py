@@ -55,7 +55,6 @@ def test_real_files_are_read(tmp_path):
 @pytest.mark.parametrize(
     ("data", "message"),
     [
-        ({"action_space": {"speed": {"low": 1, "high": 4}}}, "found a continuous action space"),
         ({"action_space": []}, "expected at least one action"),
         ({"action_space": [{"speed": 1}]}, "to list steering_angle and speed"),
         ({"action_space": None}, "to list steering_angle and speed, found None"),

@@ -16,7 +16,9 @@ from repaint_cli.files.paths import shipped
 from repaint_cli.tasks.card import TaskCard
 
 ID = "repaint/Racer-v0"
+RANGES = {"actions": {"steering_angle": [-30, 30], "speed": [0.5, 2]}}
 TRAFFIC = {"sensors": "stereo+lidar", "n_bots": 2, "reward": {"lane": 1.0, "hazard": -1.0}}
+KINDS = {"alone": {}, "traffic": TRAFFIC, "ranges": RANGES}
 
 
 @pytest.mark.parametrize(
@@ -58,12 +60,12 @@ def test_importing_repaint_does_not_import_gymnasium():
     assert not {"gymnasium", "numpy", "torch"} & set(done.stdout.split())
 
 
-@pytest.mark.parametrize("kwargs", [{}, TRAFFIC], ids=["alone", "traffic"])
+@pytest.mark.parametrize("kwargs", KINDS.values(), ids=KINDS)
 def test_gymnasium_finds_nothing_wrong_with_one_car(kwargs):
     check_env(gymnasium.make(f"repaint_cli:{ID}", **kwargs).unwrapped)
 
 
-@pytest.mark.parametrize("kwargs", [{}, TRAFFIC], ids=["alone", "traffic"])
+@pytest.mark.parametrize("kwargs", KINDS.values(), ids=KINDS)
 def test_many_cars_are_our_fast_ones_and_do_what_single_ones_do(kwargs):
     fast = gymnasium.make_vec(f"repaint_cli:{ID}", num_envs=3, max_episode_steps=12, **kwargs)
     assert isinstance(fast.unwrapped, RacerVectorEnv)
@@ -77,7 +79,7 @@ def test_many_cars_are_our_fast_ones_and_do_what_single_ones_do(kwargs):
         for one, other in zip(*map(parts_of, seen), strict=True):
             assert_array_equal(one, other)
         assert seen[0] in fast.observation_space
-        actions = rng.integers(10, size=3)
+        actions = rng.uniform(-1, 1, (3, 2)) if kwargs is RANGES else rng.integers(10, size=3)
         one, other = (env.step(actions) for env in (fast, copies))
         for mine, copy in zip(one[1:4], other[1:4], strict=True):
             assert_array_equal(mine, copy)

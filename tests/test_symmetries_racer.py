@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
+from repaint_cli.envs.racer.actions import ActionRanges
 from repaint_cli.envs.racer.dynamics.car import ACTIONS
 from repaint_cli.envs.racer.dynamics.objects import ObjectSettings
 from repaint_cli.envs.racer.env import RacerVectorEnv
@@ -18,6 +19,7 @@ from repaint_cli.envs.racer.track.files import load_track
 from repaint_cli.envs.racer.track.track import Track
 
 N_CARS, N_STEPS = 8, 125  # 1,000 steps of a car
+RANGES = ActionRanges(steering_angle=(-30, 30), speed=(0.5, 1.8))
 CROSSWISE = np.array([1.0, -1.0])
 CHANGED = {"y", "heading", "steering"}
 """What of a car's state changes its sign in the mirror."""
@@ -64,10 +66,16 @@ def played(settings, symmetry):
     begin = {"seed": 0, "options": {"reverse": np.arange(N_CARS) % 2 == 1}}
     yield env.reset(**begin), mirror.reset(**begin)
     rng = np.random.default_rng(0)
-    actions = rng.integers(10, size=N_CARS)
+    listed = "actions" not in settings
+
+    def drawn():
+        numbers = rng.uniform(-1.2, 1.2, (N_CARS, 2)).astype(np.float32)
+        return rng.integers(10, size=N_CARS) if listed else numbers
+
+    actions = drawn()
     for _ in range(N_STEPS):
         again = rng.random(N_CARS) < 0.7  # long enough to get somewhere
-        actions = np.where(again, actions, rng.integers(10, size=N_CARS))
+        actions = np.where(again if listed else again[:, None], actions, drawn())
         (obs, *_, infos), (other, *_, others) = (
             env.step(actions),
             mirror.step(symmetry.act(actions)),
@@ -90,8 +98,9 @@ def without_range_noise():
         {"track": "oval", "car": "sim5", "sensors": "stereo"},
         {"track": "oval", "car": "ideal", "sensors": "camera+lidar", "n_bots": 6},
         {"track": "wide-loop", "sensors": "stereo+lidar", "n_bots": 4},
+        {"track": "oval", "car": "sim5", "actions": RANGES},
     ],
-    ids=["camera", "stereo", "camera+lidar", "stereo+lidar"],
+    ids=["camera", "stereo", "camera+lidar", "stereo+lidar", "ranges"],
 )
 def steps(request, without_range_noise):
     symmetry = symmetry_of(**request.param)

@@ -235,14 +235,14 @@ def mismatch(card: TeacherCard, task: TaskCard, spaces: "Spaces") -> str | None:
     if card.spaces != spaces:
         of_which = ", of which others count" if str(card.spaces) == str(spaces) else ""
         return f"teacher '{card.name}' has {card.spaces}, task '{task.name}' has {spaces}{of_which}"
-    choices = card.task.env.choices, task.env.choices
-    if choices[0] != choices[1]:
-        same = sorted(choices[0] or ()) == sorted(choices[1] or ())
+    own, others = (env.choices or () for env in (card.task.env, task.env))
+    if own != others:
+        same = sorted(own) == sorted(others)
         what = "the same [env] actions in another order" if same else "other [env] actions"
-        return f"teacher '{card.name}' and task '{task.name}' choose among {what}"
-    code = card.task.reward_code or task.reward_code  # which has no terms to compare
+        which = "" if spaces.discrete else f": {' and '.join(own)}, not {' and '.join(others)}"
+        return f"teacher '{card.name}' and task '{task.name}' choose among {what}{which}"
     strange = card.task.reward.keys() - task.terms | task.reward.keys() - card.task.terms
-    if strange and not code:
+    if strange and not (card.task.reward_code or task.reward_code):  # which have none to compare
         return (
             f"teacher '{card.name}' knows the reward terms {', '.join(card.task.reward)}, "
             f"task '{task.name}' has {', '.join(task.reward)}"

@@ -47,6 +47,22 @@ def checked_actions(actions: NDArray[np.int64], n: int, n_actions: int) -> NDArr
     return actions
 
 
+def checked_pairs(actions: NDArray[Any], n: int) -> NDArray[Any]:
+    """Return actions of two numbers as an array (N, 2).
+
+    Raises:
+        ValueError: the actions are not N times two finite numbers.
+    """
+    actions = np.asarray(actions)
+    if actions.shape != (n, 2) or actions.dtype.kind not in "fiu":
+        raise ValueError(
+            f"expected {n} actions of two numbers, found shape {actions.shape} of {actions.dtype}"
+        )
+    if not np.isfinite(actions).all():
+        raise ValueError(f"expected finite numbers as actions, found {actions}")
+    return actions
+
+
 def lap_fractions_of(options: dict[str, Any] | None, n: int) -> Floats | None:
     """Return the start option "lap_fraction", (N,), in [0, 1); None where it is absent.
 

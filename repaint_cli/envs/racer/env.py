@@ -4,24 +4,20 @@ A car's observations and rewards depend on its own seed and actions alone: the n
 of threads changes nothing.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from gymnasium.error import ResetNeeded
-from gymnasium.spaces import Dict, Discrete
+from gymnasium.spaces import Dict
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from repaint_cli.envs.racer.actions import check_actions
-from repaint_cli.envs.racer.arguments import (
-    check_names,
-    check_positive,
-    checked_actions,
-    lap_fractions_of,
-)
-from repaint_cli.envs.racer.dynamics.car import ACTIONS, CAR_PROFILES, STEP_SECONDS, commands_of
+from repaint_cli.envs.racer.actions import Actions, checked
+from repaint_cli.envs.racer.arguments import check_names, check_positive, lap_fractions_of
+from repaint_cli.envs.racer.dynamics.car import ACTIONS, CAR_PROFILES, STEP_SECONDS
+from repaint_cli.envs.racer.dynamics.commands import commands_for
 from repaint_cli.envs.racer.dynamics.directions import Rows
 from repaint_cli.envs.racer.dynamics.fleet import NOTHING, Fleet
 from repaint_cli.envs.racer.dynamics.objects import ObjectSettings
@@ -44,7 +40,7 @@ Flags = NDArray[np.bool_]
 Infos = dict[str, Any]
 
 
-class RacerVectorEnv(VectorEnv[Any, NDArray[np.int64], Any]):
+class RacerVectorEnv(VectorEnv[Any, NDArray[Any], Any]):
     """Drive a lap by camera: ten actions, 15 steps a second, one car an environment.
 
     **Observation** Box(0, 255, (120, 160, 1), uint8): the grey picture of a camera on the car; with
@@ -52,6 +48,7 @@ class RacerVectorEnv(VectorEnv[Any, NDArray[np.int64], Any]):
     over 300° behind the car.
 
     **Actions** Discrete(A), by default 10: steering −30, −15, 0, 15, 30° at 0.5 m/s, then 1.0 m/s.
+    With ranges Box(−1, 1, (2,), float32): steering and speed, −1 and 1 are the ends of the ranges.
 
     **Reward** the progress of the step, in laps (`dprog`); tasks weigh the terms in the infos.
 
@@ -78,7 +75,7 @@ class RacerVectorEnv(VectorEnv[Any, NDArray[np.int64], Any]):
 
     def __init__(
         self, track: Track, num_envs: int, *, car: str = "sim4",
-        actions: Sequence[tuple[float, float]] = ACTIONS, sensors: str = "camera",
+        actions: Actions | Mapping[str, Sequence[float]] = ACTIONS, sensors: str = "camera",
         objects: ObjectSettings = NOTHING, crash: str = "at-fault", range_min: float = 0.12,
         max_steps: int = 1500, noise: Noise | None = None,
         appearance: RandomAppearance | None = None, race: RaceRules | None = None,
@@ -90,7 +87,8 @@ class RacerVectorEnv(VectorEnv[Any, NDArray[np.int64], Any]):
             track: that they drive.
             num_envs: N.
             car: a name in `CAR_PROFILES`.
-            actions: what to choose from, steering (degrees, left is positive) and speed (m/s).
+            actions: what to choose from, steering (degrees, left is positive) and speed (m/s), or
+                the ranges {"steering_angle": (low, high), "speed": (low, high)}.
             sensors: one of `SENSORS`.
             objects: bots or boxes on each track.
             crash: whether "any" crash ends an episode, or only one the car is "at-fault" in.
@@ -105,17 +103,16 @@ class RacerVectorEnv(VectorEnv[Any, NDArray[np.int64], Any]):
         Raises:
             ValueError: an argument is out of range.
         """
-        check_actions(actions)
+        self._commands = commands_for(checked(actions))
         check_positive(num_envs=num_envs, max_steps=max_steps, threads=threads)
         check_names(car=(car, CAR_PROFILES), sensors=(sensors, SENSORS), crash=(crash, CRASHES))
         self._set_autoreset(autoreset_mode)
         self.num_envs, self.track = num_envs, track
         self._sensors = Sensors(track, sensors, range_min, noise, threads, appearance)
-        self._actions = commands_of(actions)
         self._set_spaces()
         self._fleet = Fleet(track, num_envs, car, max_steps, objects, crash)
         self._race = Race(num_envs, race) if race else None
-        self._chosen = np.zeros((num_envs, 2))  # the listed commands of the last step
+        self._chosen = np.zeros((num_envs, 2))  # the commands of the last step
         self._noise, self._is_reset = noise, False
         self._rngs = [np.random.default_rng() for _ in range(num_envs)]
         self._given_starts: Floats | None = None
@@ -136,7 +133,7 @@ class RacerVectorEnv(VectorEnv[Any, NDArray[np.int64], Any]):
     def _set_spaces(self) -> None:
         """Set the spaces of one environment and of all."""
         self.single_observation_space = self._sensors.space()
-        self.single_action_space = Discrete(len(self._actions))
+        self.single_action_space = self._commands.space
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self.action_space = batch_space(self.single_action_space, self.num_envs)
 
@@ -175,11 +172,12 @@ class RacerVectorEnv(VectorEnv[Any, NDArray[np.int64], Any]):
             self._parked_readings = {name: part.copy() for name, part in readings.items()}
         return self._observation(readings), self._infos(rows[:0], np.zeros(self.num_envs))
 
-    def step(self, actions: NDArray[np.int64]) -> tuple[Any, Floats, Flags, Flags, Infos]:
+    def step(self, actions: NDArray[Any]) -> tuple[Any, Floats, Flags, Flags, Infos]:
         """Drive every car for 1/15 s.
 
         Args:
-            actions: which of them, (N,); ignored for cars that are parked or due for a reset.
+            actions: which of them, (N,), or in their ranges, (N, 2); ignored for cars that are
+                parked or due for a reset.
 
         Returns:
             observations (N, …), rewards (N,), terminations (N,), truncations (N,), infos; all of
@@ -187,11 +185,11 @@ class RacerVectorEnv(VectorEnv[Any, NDArray[np.int64], Any]):
 
         Raises:
             ResetNeeded: the environment was never reset.
-            ValueError: the actions are not N integers from 0 to A − 1.
+            ValueError: the actions are not N of the action space.
         """
         if not self._is_reset:
             raise ResetNeeded("expected reset() before the first step()")
-        commands = self._actions[checked_actions(actions, self.num_envs, len(self._actions))]
+        commands = self._commands.of(self._commands.checked(actions, self.num_envs))
         running = self._fleet.status == IN_PROGRESS
         moving, ended = np.flatnonzero(running), np.flatnonzero(~running)
         if not self._parks:

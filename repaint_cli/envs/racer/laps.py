@@ -4,7 +4,7 @@ from math import ceil
 
 import numpy as np
 
-from repaint_cli.envs.racer.actions import Actions, beyond_the_car
+from repaint_cli.envs.racer.actions import Actions, beyond_the_car, speeds_of
 from repaint_cli.envs.racer.dynamics.car import STEP_SECONDS
 from repaint_cli.envs.racer.dynamics.encounters import BODY_WIDTH
 from repaint_cli.envs.racer.dynamics.objects import ObjectSettings
@@ -16,7 +16,7 @@ LEAST_LIMIT = 1500
 
 def time_limit(track: str, actions: Actions) -> int:
     """Return one and a half times what a lap takes at the slowest action, or more, in steps."""
-    slowest = min(speed for _, speed in actions)
+    slowest, _ = speeds_of(actions)
     return max(LEAST_LIMIT, ceil(1.5 * _lap_steps(track, slowest)))
 
 
@@ -28,10 +28,10 @@ def doubts_about(track: str, actions: Actions, limit: int) -> list[str]:
 
 def _too_long(track: str, actions: Actions, limit: int) -> str | None:
     """Return a sentence where a lap takes longer than an episode may, `limit` steps."""
-    speeds = [speed for _, speed in actions]
+    slowest, fastest = speeds_of(actions)
     for speed, which, what in (
-        (max(speeds), "fastest", "no lap can be finished"),
-        (min(speeds), "slowest", "a lap at the slowest action cannot be finished"),
+        (fastest, "fastest", "no lap can be finished"),
+        (slowest, "slowest", "a lap at the slowest action cannot be finished"),
     ):
         if (steps := ceil(_lap_steps(track, speed))) > limit:
             return (

@@ -5,6 +5,7 @@ The car, its noise, the bots and the rules know no side, so nothing but the acti
 
 from collections.abc import Iterator, Sequence
 
+from repaint_cli.envs.racer.actions import Action, ActionRanges, Actions
 from repaint_cli.envs.racer.names import BEAMS
 from repaint_cli.symmetry import SignedPermutation, Symmetry
 
@@ -16,19 +17,23 @@ MIXED = frozenset({"function"})
 """A user's reward function may pay for anything."""
 
 
-def symmetries_of(actions: Sequence[tuple[float, float]], sensors: str) -> tuple[Symmetry, ...]:
+def symmetries_of(actions: Actions, sensors: str) -> tuple[Symmetry, ...]:
     """Return the reflection from left to right; none where an action has no mirror image.
 
     Args:
-        actions: steering (degrees) and speed (m/s), (A, 2).
+        actions: steering (degrees) and speed (m/s), (A, 2), or ranges.
         sensors: of the card.
     """
-    order = tuple(i for i in _partners(actions) if i is not None)
-    if len(order) < len(actions):
+    if unpaired_action(actions):
         return ()
+    if isinstance(actions, ActionRanges):
+        commands = SignedPermutation((0, 1), (-1, 1))
+    else:
+        order = tuple(i for i in _partners(actions) if i is not None)
+        commands = SignedPermutation(order, (1,) * len(order))
     mirror = Symmetry(
         name="mirrored",
-        actions=SignedPermutation(order, (1,) * len(order)),
+        actions=commands,
         vector=None,
         channels=(1, 0) if sensors.startswith("stereo") else (0,),
         beams=tuple(reversed(range(BEAMS))) if sensors.endswith("lidar") else None,
@@ -39,8 +44,16 @@ def symmetries_of(actions: Sequence[tuple[float, float]], sensors: str) -> tuple
     return (mirror,)
 
 
-def unpaired_action(actions: Sequence[tuple[float, float]]) -> str | None:
+def unpaired_action(actions: Actions) -> str | None:
     """Return which action has no mirror image and what that were, for people; None if all have."""
+    if isinstance(actions, ActionRanges):
+        right, left = actions.steering_angle
+        if right == -left:
+            return None
+        return (
+            "expected steering as far to the right as to the left in env.actions, found "
+            f"{actions.texts[0]}"
+        )
     for i, partner in enumerate(_partners(actions)):
         if partner is None:
             steering, speed = actions[i]
@@ -51,7 +64,7 @@ def unpaired_action(actions: Sequence[tuple[float, float]]) -> str | None:
     return None
 
 
-def _partners(actions: Sequence[tuple[float, float]]) -> Iterator[int | None]:
+def _partners(actions: Sequence[Action]) -> Iterator[int | None]:
     """Yield which action each is in the mirror; of equal ones the first is the first one's."""
     for i, (steering, speed) in enumerate(actions):
         equal = [j for j, action in enumerate(actions) if action == (steering, speed)]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal, Self
 
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
-from repaint_cli.envs.racer.actions import check_actions
+from repaint_cli.envs.racer.actions import CardActions
 from repaint_cli.envs.simulator import Simulator
 
 if TYPE_CHECKING:
@@ -28,11 +28,12 @@ class RacerSettings(Simulator):
     car: Literal["sim4", "sim5", "ideal"] = "sim4"
     """`sim4` fits logs of 2021-22 (0.1 m off after a second; on logs of 2026 0.27), `sim5` those of
     2026 (0.11; on those of 2021-22 0.23), `ideal` is a bicycle without lag (0.7 to 0.9)."""
-    actions: tuple[tuple[float, float], ...] = (
+    actions: CardActions = (
         (-30, 0.5), (-15, 0.5), (0, 0.5), (15, 0.5), (30, 0.5),
         (-30, 1), (-15, 1), (0, 1), (15, 1), (30, 1),
     )  # fmt: skip
-    """Steering (degrees, left is positive, at most ±30) and speed (0.1 to 4 m/s) to choose from."""
+    """Steering (degrees, left is positive, at most ±30) and speed (0.1 to 4 m/s) to choose from; or
+    the ranges of both, { steering_angle = [-30, 30], speed = [0.5, 2] }."""
     sensors: Literal["camera", "camera+lidar", "stereo", "stereo+lidar"] = "camera"
     """What the car sees with: one camera or two, 6 cm apart, and perhaps a lidar looking back."""
     n_bots: int = Field(0, ge=0, le=16)
@@ -87,14 +88,6 @@ class RacerSettings(Simulator):
     def _from_any_folder(cls, track: str) -> str:
         """Keep a file's whole path: a run or a teacher is used in other folders too."""
         return str(Path(track).absolute()) if track.endswith(".npy") else track
-
-    @field_validator("actions")
-    @classmethod
-    def _drive_forwards(
-        cls, actions: tuple[tuple[float, float], ...]
-    ) -> tuple[tuple[float, float], ...]:
-        check_actions(actions)
-        return actions
 
     @field_validator("bot_waits", "box_size")
     @classmethod

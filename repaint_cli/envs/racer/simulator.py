@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from repaint_cli.envs.checked_file import CheckedFile
+from repaint_cli.envs.racer.actions import ActionRanges
 from repaint_cli.envs.racer.mirror import symmetries_of, unpaired_action
 from repaint_cli.envs.racer.names import OBJECT_RECORDS, OBJECT_TERMS, RECORDS, TERMS
 from repaint_cli.envs.racer.settings import RacerSettings
@@ -132,9 +133,9 @@ class RacerSimulator(RacerSettings):
         return "multi-car" if self.n_bots else "single-car"
 
     @property
-    def choices(self) -> tuple[tuple[float, float], ...]:
-        """The actions."""
-        return self.actions
+    def choices(self) -> tuple[Any, ...]:
+        """The actions, or what their ranges are."""
+        return self.actions.texts if isinstance(self.actions, ActionRanges) else self.actions
 
     @property
     def reward_terms(self) -> frozenset[str]:

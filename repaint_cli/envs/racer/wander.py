@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from repaint_cli.envs.racer.deepracer.reward_file import RewardFunction
-from repaint_cli.envs.racer.dynamics.car import commands_of
+from repaint_cli.envs.racer.dynamics.commands import commands_for
 from repaint_cli.envs.racer.dynamics.directions import Rows
 from repaint_cli.envs.racer.dynamics.fleet import Fleet
 from repaint_cli.envs.racer.dynamics.rules import IN_PROGRESS
@@ -109,7 +109,8 @@ def sample_rewards(
         raise CardError(f"[env]: {error}") from error
     functions = [RewardFunction(name, source) for _ in range(N_CARS)]
     phi, rewards, names = [], [], list[str]()
-    for rows, chosen, gained in wander(fleet, commands_of(env.actions), N_STEPS, seed=0):
+    commands = commands_for(env.actions).examples
+    for rows, chosen, gained in wander(fleet, commands, N_STEPS, seed=0):
         terms = fleet.terms(rows, gained)
         names = list(terms)
         phi.append(np.stack([*terms.values()], axis=1))

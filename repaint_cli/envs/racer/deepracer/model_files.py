@@ -1,11 +1,12 @@
 """DeepRacer's own files of settings, as settings of a card, and back."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from contextlib import suppress
 from math import isfinite
 from pathlib import Path
 from typing import Any
 
+from repaint_cli.envs.racer.actions import ActionRanges, Actions
 from repaint_cli.errors import CardError, reported_as
 from repaint_cli.files.limits import read_json
 from repaint_cli.settings import PPOConfig
@@ -111,10 +112,19 @@ def read_model_metadata(path: Path) -> dict[str, Any]:
     """Return the [env] settings that a `model_metadata.json` stands for: actions and sensors.
 
     Raises:
-        CardError: the file cannot be read, or asks for actions or sensors that the racer lacks.
+        CardError: the file cannot be read, asks for actions or sensors that the racer lacks, or for
+            SAC.
     """
     data = _read_object(path)
-    return {"actions": _actions(path, data.get("action_space")), "sensors": _sensors(path, data)}
+    space = data.get("action_space")
+    if not isinstance(space, dict):
+        return {"actions": _actions(path, space), "sensors": _sensors(path, data)}
+    if data.get("training_algorithm") == "sac":
+        raise CardError(
+            f"{path}: expected training_algorithm clipped_ppo, found sac: there is no SAC; with "
+            "clipped_ppo the same ranges are trained in by PPO"
+        )
+    return {"actions": _ranges(path, space), "sensors": _sensors(path, data)}
 
 
 def unread_metadata(path: Path, conv: Any) -> str | None:
@@ -142,21 +152,32 @@ def unread_metadata(path: Path, conv: Any) -> str | None:
     return f"{path}: not read: {'; '.join(parts)}" if parts else None
 
 
-def model_metadata(actions: Sequence[Sequence[float]], sensors: str, deep: bool) -> dict[str, Any]:
+def model_metadata(actions: Actions, sensors: str, deep: bool) -> dict[str, Any]:
     """Return a racing task's actions (degrees, m/s) and sensors as a `model_metadata.json`."""
     camera, _, lidar = sensors.partition("+")
     names = {"camera": "FRONT_FACING_CAMERA", "stereo": "STEREO_CAMERAS"}
     return {
-        "action_space": [
-            {"steering_angle": float(angle), "speed": float(speed), "index": i}
-            for i, (angle, speed) in enumerate(actions)
-        ],
-        "action_space_type": "discrete",
+        **_action_space(actions),
         "sensor": [names[camera], *(["LIDAR"] if lidar else [])],
         "neural_network": "DEEP_CONVOLUTIONAL_NETWORK" + ("" if deep else "_SHALLOW"),
         "training_algorithm": "clipped_ppo",
         "version": "4",
     }
+
+
+def _action_space(actions: Actions) -> dict[str, Any]:
+    """Return the keys of a `model_metadata.json` that say what can be chosen."""
+    if isinstance(actions, ActionRanges):
+        ranges = {
+            name: {"high": float(high), "low": float(low)}
+            for name, (low, high) in actions.model_dump().items()
+        }
+        return {"action_space": ranges, "action_space_type": "continuous"}
+    listed = [
+        {"steering_angle": float(angle), "speed": float(speed), "index": i}
+        for i, (angle, speed) in enumerate(actions)
+    ]
+    return {"action_space": listed, "action_space_type": "discrete"}
 
 
 def _read_object(path: Path) -> dict[str, Any]:
@@ -167,12 +188,20 @@ def _read_object(path: Path) -> dict[str, Any]:
     return data
 
 
-def _actions(path: Path, space: Any) -> list[list[float]]:
-    if isinstance(space, dict):
+def _ranges(path: Path, space: dict[str, Any]) -> dict[str, list[float]]:
+    try:
+        return {
+            name: [float(space[name][end]) for end in ("low", "high")]
+            for name in ("steering_angle", "speed")
+        }
+    except (TypeError, KeyError, ValueError) as error:
         raise CardError(
-            f"{path}: expected a list of actions, found a continuous action space; the racer's "
-            "policies choose among actions: list some, such as -30, -15, 0, 15, 30 degrees"
-        )
+            f"{path}: expected low and high of steering_angle and speed in action_space, found "
+            f"{space!r:.100}"
+        ) from error
+
+
+def _actions(path: Path, space: Any) -> list[list[float]]:
     try:
         pairs = [[float(one["steering_angle"]), float(one["speed"])] for one in space]
     except (TypeError, KeyError, ValueError) as error:

@@ -10,7 +10,8 @@ import numpy as np
 
 from repaint_cli.envs.output import CountedPrints, captured, output_to
 from repaint_cli.envs.racer.deepracer.reward_file import RewardFunction
-from repaint_cli.envs.racer.dynamics.car import YAW, commands_of
+from repaint_cli.envs.racer.dynamics.car import YAW
+from repaint_cli.envs.racer.dynamics.commands import commands_for
 from repaint_cli.envs.racer.dynamics.directions import Rows
 from repaint_cli.envs.racer.dynamics.fleet import Fleet
 from repaint_cli.envs.racer.dynamics.rules import IN_PROGRESS, LAP_COMPLETE
@@ -54,7 +55,8 @@ class _Drive:
         except ValueError as error:
             raise CardError(f"[env]: {error}") from error
         cars = np.arange(N_CARS)
-        self._commands, self._rng = commands_of(env.actions), np.random.default_rng(seed)
+        self._commands = commands_for(env.actions).examples
+        self._rng = np.random.default_rng(seed)
         self._rngs = self._rng.spawn(N_CARS)
         self._reverse, self._noisy = cars % 2 == 1, cars // 2 % 2 == 1
         self._laps = cars < LAP_CARS

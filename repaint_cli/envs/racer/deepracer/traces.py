@@ -4,13 +4,13 @@ Angles are in degrees, as the logs have them; the other units are SI, progress i
 **T** steps · **S** seeds · **N** environments or **E** episodes per seed.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from repaint_cli.envs.episodes import Steps
-from repaint_cli.envs.racer.dynamics.car import commands_of
+from repaint_cli.envs.racer.actions import Actions
+from repaint_cli.envs.racer.dynamics.commands import Commands, commands_for
 from repaint_cli.envs.racer.names import STATUS
 
 
@@ -29,7 +29,7 @@ class Trace:
     throttle: np.ndarray
     """Speed command, m/s."""
     action: np.ndarray
-    """Which action it was."""
+    """Which action it was; -1 within ranges, where no action has a number."""
     reward: np.ndarray
     """What the step earned; of a user's function what it paid, before any scale."""
     all_wheels_on_track: np.ndarray
@@ -52,30 +52,29 @@ class Trace:
         return np.stack([self.x, self.y], axis=1)
 
 
-def traces_of(
-    steps: Steps, actions: Sequence[tuple[float, float]], s: int, scale: float = 1.0
-) -> list[Trace]:
+def traces_of(steps: Steps, actions: Actions, s: int, scale: float = 1.0) -> list[Trace]:
     """Return a seed's episodes, environment by environment; the last may be unfinished.
 
     Args:
         steps: with the records of the racer.
-        actions: what the cars chose among, steering (degrees) and speed (m/s).
+        actions: what the cars chose among, steering (degrees) and speed (m/s), or ranges.
         s: which of the S seeds.
         scale: what pay was multiplied by to be the rewards of the steps.
     """
-    return [_trace(steps, actions, episode, scale) for episode in steps.episodes(s)]
+    commands = commands_for(actions)
+    return [_trace(steps, commands, episode, scale) for episode in steps.episodes(s)]
 
 
 def _trace(
     steps: Steps,
-    actions: Sequence[tuple[float, float]],
+    commands: Commands,
     episode: tuple[np.ndarray, int, int],
     scale: float,
 ) -> Trace:
     """Cut an episode out of arrays (T, S, N)."""
     at = {name: rows[episode] for name, rows in steps.records.items()}
     action = steps.actions[episode]
-    steer, throttle = commands_of(actions)[action].T
+    steer, throttle = commands.of(action).T
     hit = at.get("hit", np.zeros(len(action)))
     return Trace(
         x=at["x"],
@@ -83,7 +82,7 @@ def _trace(
         yaw=np.rad2deg(at["heading"]),
         steer=np.rad2deg(steer),
         throttle=throttle,
-        action=action,
+        action=commands.numbers(action),
         reward=steps.rewards[episode] / scale,
         all_wheels_on_track=at["wheels_on"] == 4,
         progress=at["progress"],
