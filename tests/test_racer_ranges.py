@@ -26,6 +26,7 @@ from repaint_cli.tasks.card_text import to_toml
 from repaint_cli.tasks.similarity import cosine
 
 CASES = Path(__file__).parents[2] / "shared" / "data" / "deepracer" / "cases"
+BENCHMARK = Path(__file__).parents[1] / "benchmarks" / "racing" / "ranges.toml"
 RANGES = {"steering_angle": [-25, 25], "speed": [0.6, 1.8]}
 SETTING = "env.actions={ steering_angle = [-25, 25], speed = [0.6, 1.8] }"
 TASK = read_task("racer-inner").with_settings([SETTING])
@@ -305,6 +306,18 @@ def test_the_communitys_tools_load_it(repaint, home, monkeypatch, unpainted):
     assert set(log.dataframe()["action"]) == {-1}
     assert log.action_space()["speed"] == {"high": 1.8, "low": 0.6}
     assert len(logs.AnalysisUtils.simulation_agg(log.dataframe())) == 6
+
+
+@pytest.mark.slow
+def test_a_small_network_learns_to_drive_laps(repaint, home):
+    assert read_task(str(BENCHMARK)).env.doubts() == []
+    said = repaint("train-teacher", "--task", BENCHMARK, "--seed", 100, "--iterations", 8,
+                   "--run", "run")  # fmt: skip
+    assert said.code == 0, said.err
+    with (home / "run" / "metrics.csv").open(encoding="utf-8", newline="") as file:
+        progress = [float(row["eval_progress"]) for row in csv.DictReader(file)]
+    assert progress[0] < 40
+    assert max(progress) > 80
 
 
 # -- the mirror
