@@ -10,7 +10,7 @@ AUDITOR := .venv-audit/bin/pip-audit
 # What torch needs comes with the rest: that index is asked for one package.
 TORCH_INDEX := --no-deps --retries 2 --extra-index-url https://download.pytorch.org/whl/cpu
 
-.PHONY: install demo docs test suite test-slow test-light check lint types bench audit
+.PHONY: install demo demo-deepracer docs test suite test-slow test-light check lint types bench audit
 
 install: $(INSTALLED)
 	@echo "repaint is in .venv; in each new terminal: . .venv/bin/activate"
@@ -31,6 +31,9 @@ $(READY): $(TORCH)
 
 demo: $(INSTALLED)
 	PATH="$(CURDIR)/$(BIN):$$PATH" sh tools/demo.sh
+
+demo-deepracer: $(INSTALLED)
+	PATH="$(CURDIR)/$(BIN):$$PATH" sh tools/demo-deepracer.sh
 
 # The pages in docs/ as a site: open build/docs/index.html.
 docs: $(READY)

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from repaint_cli.cli.from_drfc import card_text, track_of
 from repaint_cli.envs.racer.deepracer.drfc import read_run_env
 from repaint_cli.errors import CardError, NotFound, StoreError
 from repaint_cli.tasks.card_files import read_task
@@ -168,3 +169,19 @@ def test_nothing_is_written_where_something_is_missing_or_there(repaint, run):
     said = repaint(*command)
     assert said.code == StoreError.exit_code
     assert card.read_text() == "mine"
+
+
+def test_the_example_becomes_a_card(tmp_path):
+    """That of `make demo-deepracer`; its track is a shipped one."""
+    example = Path(__file__).parents[1] / "examples" / "deepracer"
+    folder = example / "custom_files"
+    settings = read_run_env(example / "run.env")
+    track = track_of(settings.world, folder, None)
+    text = card_text(settings, example / "run.env", folder, track, tmp_path / "card.toml")
+    (tmp_path / "card.toml").write_text(text)
+    card = read_task(str(tmp_path / "card.toml"))
+    shipped = read_task("racer-inner")
+    assert card.env.track == "reinvent-like"
+    assert card.env.actions == shipped.env.actions  # so that a shipped driver teaches it
+    other = read_task(str(example / "faster.toml"))
+    assert (other.env.track, other.env.actions) == (card.env.track, card.env.actions)

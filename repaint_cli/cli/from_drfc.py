@@ -26,7 +26,9 @@ def from_drfc(
     ],
     track: Annotated[
         Path | None,
-        option(OPTIONS, "FILE", "The track's waypoints. Default: FOLDER/DR_WORLD_NAME.npy."),
+        option(
+            OPTIONS, "FILE", "The track's waypoints. Default: DR_WORLD_NAME in FOLDER."
+        ),
     ] = None,
     output: Annotated[
         Path | None,
@@ -44,7 +46,7 @@ def from_drfc(
     from repaint_cli.cli.console import plain
     from repaint_cli.cli.tasks import check_new
     from repaint_cli.envs.racer.deepracer.drfc import read_run_env
-    from repaint_cli.errors import NotFound, RepaintError
+    from repaint_cli.errors import RepaintError
     from repaint_cli.files.atomic import write_text
     from repaint_cli.files.commands import command
     from repaint_cli.tasks.card_files import read_task
@@ -52,13 +54,8 @@ def from_drfc(
     settings = read_run_env(run_env)
     path = output or folder / f"{settings.model}.toml"
     check_new(path)
-    track = track or folder / f"{settings.world}.npy"
-    if not track.is_file():
-        raise NotFound(
-            f"expected the track's waypoints in {track}, found none; they are in the simulator's "
-            "routes (deepracer-simapp), and --track FILE names them elsewhere"
-        )
-    write_text(path, card_text(settings, run_env, folder, track, path), new=True)
+    text = card_text(settings, run_env, folder, track_of(settings.world, folder, track), path)
+    write_text(path, text, new=True)
     try:
         card = read_task(str(path))
     except RepaintError:
@@ -70,8 +67,28 @@ def from_drfc(
     print(plain(f"next: {command('repaint tasks check {}', path)}"))
 
 
+def track_of(world: str, folder: Path, given: Path | None) -> Path | str:
+    """Return the file of a track's waypoints, or the name of a shipped one.
+
+    Raises:
+        NotFound: there is none.
+    """
+    from repaint_cli.envs.racer.track.files import shipped_tracks
+    from repaint_cli.errors import NotFound
+
+    file = given or folder / f"{world}.npy"
+    if file.is_file():
+        return file
+    if given is None and world in shipped_tracks():
+        return world
+    raise NotFound(
+        f"expected the track's waypoints in {file}, found none; they are in the simulator's routes "
+        "(deepracer-simapp), and --track FILE names them elsewhere"
+    )
+
+
 def card_text(
-    settings: "DrfcSettings", run_env: Path, folder: Path, track: Path, path: Path
+    settings: "DrfcSettings", run_env: Path, folder: Path, track: Path | str, path: Path
 ) -> str:
     """Return the card as TOML.
 
@@ -79,7 +96,7 @@ def card_text(
         settings: of the run.
         run_env: where they were read from.
         folder: of DeepRacer's files.
-        track: file of waypoints.
+        track: file of waypoints, or the name of a shipped track.
         path: where the card will be, which its files are named from.
     """
     from repaint_cli.files.toml import toml_line
@@ -87,8 +104,9 @@ def card_text(
     def named(file: Path) -> str:
         return Path(os.path.relpath(file, path.parent)).as_posix()
 
+    road = track if isinstance(track, str) else named(track)
     sections: dict[str, dict[str, object]] = {
-        "env": {"track": named(track), "car": "sim5"}, "ppo": {}, "eval": {}, "reward": {},
+        "env": {"track": road, "car": "sim5"}, "ppo": {}, "eval": {}, "reward": {},
     }  # fmt: skip
     for section, key, name in FILES:
         if (folder / name).is_file():

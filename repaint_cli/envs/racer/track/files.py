@@ -14,6 +14,12 @@ Waypoints = Literal["file", "unique"]
 """How waypoints are numbered: as rows of the file, or without rows that repeat another."""
 
 
+def shipped_tracks() -> dict[str, Path]:
+    """Return the files of the shipped tracks by name."""
+    folder = shipped("tasks") / "racer" / "tracks"
+    return {path.stem: path for path in sorted(folder.glob("*.npy"))}
+
+
 def load_track(name: str, waypoints: Waypoints = "file") -> Track:
     """Read a shipped track by name, or a file of waypoints (N, 6) by its path (`my-track.npy`).
 
@@ -27,8 +33,7 @@ def load_track(name: str, waypoints: Waypoints = "file") -> Track:
     """
     path = Path(name)
     if path.suffix != ".npy":
-        folder = shipped("tasks") / "racer" / "tracks"
-        known = {path.stem: path for path in sorted(folder.glob("*.npy"))}
+        known = shipped_tracks()
         if name not in known:
             names = ", ".join(known)
             raise NotFound(
