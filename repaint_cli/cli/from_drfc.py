@@ -26,9 +26,7 @@ def from_drfc(
     ],
     track: Annotated[
         Path | None,
-        option(
-            OPTIONS, "FILE", "The track's waypoints. Default: DR_WORLD_NAME in FOLDER."
-        ),
+        option(OPTIONS, "FILE", "The track's waypoints. Default: DR_WORLD_NAME in FOLDER."),
     ] = None,
     output: Annotated[
         Path | None,
