@@ -114,8 +114,7 @@ def transfer(
     from repaint_cli.tasks.presets import automatic, says_how
 
     by_hand, card = _listed(settings, "settings"), _card(task, settings, iterations)
-    by_choice = method, algorithm != "ppo", instances_from
-    if auto or (auto is None and not says_how(by_hand, *by_choice)):
+    if auto or (auto is None and not says_how(by_hand, method, algorithm != "ppo", instances_from)):
         card, view = automatic(card, by_hand, algorithm, method), view or "auto"
     named, acting = (_listed(names, "teachers") for names in (teachers, instances_from))
     plan = start.plan_transfer(card, named, seeds, method, algorithm, acting, folder, keep, view)
@@ -164,11 +163,10 @@ def evaluate(
     may have noise ("none", "paper"), races, logs, or colours of paths. First comes `on_episodes`.
     """
     from repaint_cli.runs.evaluate import check_simulator, evaluate_policy
-    from repaint_cli.runs.find_policies import find_policies, racing, with_settings
+    from repaint_cli.runs.find_policies import find_policies, with_settings
 
     policies = find_policies(policy, None if task is None else load_task(task))
-    policies = with_settings(policies, episodes, noise, _listed(settings, "settings"))
-    policies = racing(policies) if race else policies
+    policies = with_settings(policies, episodes, noise, race, _listed(settings, "settings"))
     check_simulator(policies.card, noise, logs := Path(log_folder) if log_folder else None, colour)
     return evaluate_policy(policies, seed, keep_observations, logs, colour, on_episodes)
 
@@ -249,4 +247,4 @@ def _card(task: AnyTask, settings: Sequence[str], iterations: int | None) -> "Ta
 def _listed(names: Sequence[Name], what: str) -> list[str]:
     if isinstance(names, Name):
         raise UsageError(f"expected a list of {what}, found '{names}' alone")
-    return [str(name) for name in names]
+    return [*map(str, names)]

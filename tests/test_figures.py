@@ -14,7 +14,7 @@ from repaint_cli.envs.gymnasium.reacher import plot_reacher
 from repaint_cli.envs.racer import road
 from repaint_cli.envs.racer.deepracer.traces import Trace
 from repaint_cli.envs.racer.path_figure import plot_racer
-from repaint_cli.envs.racer.road import draw_road
+from repaint_cli.envs.racer.road import Road, draw_road
 from repaint_cli.envs.racer.sweep import cell_of, sweep
 from repaint_cli.envs.racer.training_figures import plot_heatmap, plot_progress
 from repaint_cli.errors import StoreError
@@ -82,7 +82,9 @@ def draw_every_kind(folder):
     )
     plot_curves({"scratch": curves(1)}, folder / "one.png", title="reacher")
     for count in (1, 2, 4, 6):
-        plot_racer([laps()] * count, **OVAL, path=folder / f"racer{count}.png", title="racer-outer")
+        plot_racer(
+            [laps()] * count, [Road(**OVAL)], path=folder / f"racer{count}.png", title="racer-outer"
+        )
         plot_reacher([reaches()] * count, folder / f"reacher{count}.png", "reacher")
 
 
@@ -102,7 +104,7 @@ def test_nothing_is_cut_and_every_file_is_a_picture(drawn, tmp_path):
 def test_axes_have_names_and_units(drawn, tmp_path):
     path, share = tmp_path / "x.png", {"repaint": curves() / 4}
     plot_curves({"repaint": curves()}, path, title="t", progress=share)
-    plot_racer([laps()], **OVAL, path=path, title="t")
+    plot_racer([laps()], [Road(**OVAL)], path=path, title="t")
     plot_reacher([reaches()], path, "t")
     names = [[axes.get_ylabel() for axes in figure.axes] for figure in drawn]
     assert names[0] == ["mean evaluation return", "mean lap progress [%]"]
@@ -161,7 +163,7 @@ def test_names_move_apart_and_no_farther_than_needed():
 
 def test_paths_end_where_the_episode_ends_and_the_cross_is_there(drawn, tmp_path):
     paths = laps()
-    plot_racer([paths], **OVAL, path=tmp_path / "t.png", title="t")
+    plot_racer([paths], [Road(**OVAL)], path=tmp_path / "t.png", title="t")
     axes = drawn[0].axes[0]
     (line,) = axes.collections
     assert len(line.get_segments()) == 29 + 3 * 79
@@ -189,7 +191,7 @@ def test_a_car_sweeps_its_width_once_an_episode_with_the_mean_of_its_values():
 
 def test_crashes_have_a_sign_of_their_own(drawn, tmp_path):
     paths = replace(laps(), crashed=np.array([False, True, False, False]))
-    plot_racer([paths], **OVAL, path=tmp_path / "t.png", title="t")
+    plot_racer([paths], [Road(**OVAL)], path=tmp_path / "t.png", title="t")
     exits, crashes = drawn[0].axes[0].lines[-2:]
     assert_allclose(exits.get_xydata(), paths.xy[:1, 29])
     assert_allclose(crashes.get_xydata(), paths.xy[1:2, -1])
@@ -198,7 +200,7 @@ def test_crashes_have_a_sign_of_their_own(drawn, tmp_path):
 
 
 def test_a_car_far_off_the_track_is_still_in_the_picture(drawn, tmp_path):
-    plot_racer([laps(), laps()], **OVAL, path=tmp_path / "t.png", title="t")
+    plot_racer([laps(), laps()], [Road(**OVAL)], path=tmp_path / "t.png", title="t")
     for axes in drawn[0].axes[:2]:
         assert axes.viewLim.contains(*laps().xy[0, 29])
 
@@ -206,7 +208,7 @@ def test_a_car_far_off_the_track_is_still_in_the_picture(drawn, tmp_path):
 def test_panels_share_one_speed_scale(drawn, tmp_path):
     slow, fast = laps(), laps()
     slow.values[:] *= 0.3
-    plot_racer([slow, fast], **OVAL, path=tmp_path / "t.png", title="t")
+    plot_racer([slow, fast], [Road(**OVAL)], path=tmp_path / "t.png", title="t")
     left, right = (axes.collections[0].norm for axes in drawn[0].axes[:2])
     assert (left.vmin, left.vmax) == (right.vmin, right.vmax)
     assert left.vmin < 0.3 < 0.9 < left.vmax
@@ -268,7 +270,7 @@ def test_a_scale_fits_small_rewards_and_does_not_magnify_noise(drawn, tmp_path):
     for span in (0.02, 1e-5):
         some = laps()
         some.values[:] = 0.005 + span * some.values
-        plot_racer([some], **OVAL, path=tmp_path / "t.png", title="t")
+        plot_racer([some], [Road(**OVAL)], path=tmp_path / "t.png", title="t")
     small, noise = (figure.axes[0].collections[0].norm for figure in drawn)
     assert 0.005 < small.vmin < small.vmax < 0.03
     assert noise.vmax - noise.vmin == pytest.approx(0.0005, rel=0.1)

@@ -257,7 +257,7 @@ def test_a_lap_that_ends_beside_the_road_is_a_lap(track, progress, status):
     place, heading = track.pose_at(np.full(1, progress // 99 * 0.1 + 0.9))
     aside = 0.7 * track.width * np.array([-np.sin(heading[0]), np.cos(heading[0])])
     fleet.states[0, :2] = place[0] + aside
-    fleet._progress[0] = progress
+    fleet.progress[0] = progress
     _, _, terminated, truncated, infos = env.step(np.array([STRAIGHT_ON]))
     assert infos["wheels_on"][0] == 0
     assert (terminated[0], truncated[0]) == (True, False)

@@ -49,7 +49,7 @@ def test_waypoints_are_numbered_as_in_the_file_or_uniquely(tmp_path):
     np.save(file, np.insert(rows, 30, rows[30], axis=0))
     for how, n in (("file", len(rows) + 1), ("unique", len(rows))):
         cars = gymnasium.make_vec(f"repaint_cli:{ID}", num_envs=1, track=file, waypoints=how)
-        assert len(cars.unwrapped.track.waypoints[0]) == n
+        assert len(cars.unwrapped.tracks[0].waypoints[0]) == n
     with pytest.raises(ValueError, match="waypoints"):
         gymnasium.make_vec(f"repaint_cli:{ID}", num_envs=1, waypoints="twice")
 

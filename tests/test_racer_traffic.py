@@ -79,16 +79,16 @@ def test_two_eyes_are_the_one_camera_moved_aside():
 def place_bot(env, ahead):
     """Put the first bot before or behind a car that has just started, the others far away."""
     fleet = env._fleet
-    fleet.objects.along[:] = fleet.measures[0, NDIST] * fleet.track.length + 10.0
-    fleet.objects.along[0, 0] = fleet.measures[0, NDIST] * fleet.track.length - 0.14 + ahead
-    fleet.objects.drive(fleet.track, np.arange(env.num_envs), 0.0)
+    fleet.objects.along[:] = fleet.measures[0, NDIST] * fleet.tracks[0].length + 10.0
+    fleet.objects.along[0, 0] = fleet.measures[0, NDIST] * fleet.tracks[0].length - 0.14 + ahead
+    fleet.objects.drive(fleet.tracks[0], np.arange(env.num_envs), 0.0)
 
 
 @pytest.mark.parametrize("crash", ["at-fault", "any"])
 def test_driving_into_a_bot_is_a_crash_and_a_failure(crash):
     env = make(1, crash=crash, autoreset_mode=AutoresetMode.DISABLED)
     env.reset(seed=2, options={"lap_fraction": [0.3]})
-    env._fleet.states[0, :2] = env._fleet.track.pose_at(np.array(0.3))[0]
+    env._fleet.states[0, :2] = env._fleet.tracks[0].pose_at(np.array(0.3))[0]
     place_bot(env, 0.7)
     env._fleet.objects.poses[0, 0, :2] = env._fleet.states[0, :2] + 0.45 * np.array(
         [np.cos(env._fleet.states[0, 2]), np.sin(env._fleet.states[0, 2])]
@@ -120,7 +120,7 @@ def test_being_hit_from_behind_ends_only_by_the_stricter_rule(crash, ends):
     if not ends:
         bots.drive, before = drive, bots.along.copy()
         for _ in range(15):
-            bots.drive(fleet.track, np.arange(1), 1 / 15)
+            bots.drive(fleet.tracks[0], np.arange(1), 1 / 15)
         assert_allclose(bots.along, before)  # they wait for the car to go
 
 
@@ -146,15 +146,15 @@ def test_a_car_starts_in_the_lane_that_a_near_bot_does_not_go_to():
     env, sides = make(64), []
     env.reset(seed=0, options={"lap_fraction": np.linspace(0, 1, 64, endpoint=False)})
     fleet = env._fleet
-    along = np.linspace(0, 1, 64, endpoint=False) * fleet.track.length
+    along = np.linspace(0, 1, 64, endpoint=False) * fleet.tracks[0].length
     for n in range(64):
         apart = np.abs(fleet.objects.along[n] - along[n])
-        apart = np.minimum(apart, fleet.track.length - apart)
-        centre = fleet.track.pose_at(np.array(along[n] / fleet.track.length))[0]
+        apart = np.minimum(apart, fleet.tracks[0].length - apart)
+        centre = fleet.tracks[0].pose_at(np.array(along[n] / fleet.tracks[0].length))[0]
         off = np.hypot(*(fleet.states[n, :2] - centre))
         if apart.min() < 1:
             near = fleet.objects.poses[n, apart.argmin()]
-            assert off == pytest.approx(fleet.track.width / 4, rel=0.05)
+            assert off == pytest.approx(fleet.tracks[0].width / 4, rel=0.05)
             assert np.hypot(near[X] - fleet.states[n, 0], near[Y] - fleet.states[n, 1]) > 0.3
             sides.append(near[SIDE])
         else:

@@ -32,7 +32,7 @@ def racer(**settings):
 def along_the_road(env, aims=0.0):
     """Actions that keep the cars beside the middle by `aims`, in widths of the road, (N,)."""
     fleet, n = env._fleet, env.num_envs
-    angles = steering_to(fleet, np.full(n, aims), fleet._directions.reverse)
+    angles = steering_to(fleet, np.full(n, aims))
     return nearest(commands_of(racer().actions), angles, np.full(n, 1.0))
 
 
@@ -73,7 +73,7 @@ def test_a_crash_with_a_box_always_ends_an_episode(ahead):
         env.reset(seed=1, options={"lap_fraction": [0.5]})
         fleet = env._fleet
         fleet.objects.poses[0, 0, :3] = fleet.states[0, :3]
-        fleet.objects.along[0, 0] = 0.5 * fleet.track.length + (0.3 if ahead else -0.5)
+        fleet.objects.along[0, 0] = 0.5 * fleet.tracks[0].length + (0.3 if ahead else -0.5)
         _, _, terminated, _, info = env.step(along_the_road(env))
         ended[name] = bool(terminated[0]), int(info["status"][0])
         assert info["hit"][0] == 1
@@ -87,10 +87,10 @@ def test_bots_keep_their_lane_and_speed_if_told_so():
     bots, rows = env._fleet.objects, np.arange(1)
     before = bots.along.copy()
     for _ in range(15 * 20):
-        bots.drive(env.track, rows, 1 / 15)
-    assert_allclose(bots.along, (before + 10.0) % env.track.length)
+        bots.drive(env.tracks[0], rows, 1 / 15)
+    assert_allclose(bots.along, (before + 10.0) % env.tracks[0].length)
     assert_array_equal(bots.poses[0, :, 3], [1, -1])
-    changing = RacerVectorEnv(env.track, 1, objects=replace(objects, lane_changes=True))
+    changing = RacerVectorEnv(env.tracks[0], 1, objects=replace(objects, lane_changes=True))
     changing.reset(seed=0, options={"lap_fraction": [0.5]})
     waits = changing._fleet.objects._waits
     assert 3 <= waits.min() < waits.max() <= 5
@@ -217,7 +217,8 @@ def test_a_car_that_crashes_is_put_behind_the_box_in_the_other_lane():
         steps += 1
         assert steps < 100
     fleet = env._fleet
-    assert fleet.lap_fractions[0] * fleet.track.length == pytest.approx(2.0 - 0.7 + 0.14, abs=0.03)
+    along = fleet.lap_fractions[0] * fleet.tracks[0].length
+    assert along == pytest.approx(2.0 - 0.7 + 0.14, abs=0.03)
     params = env.params(0)
     assert params["is_left_of_center"] is False
     assert params["is_crashed"] is False

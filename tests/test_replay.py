@@ -166,7 +166,7 @@ def test_progress_begins_where_the_car_starts(home, name, reverse):
         crashes=nothing.astype(int), status="in_progress",
     )  # fmt: skip
     log_of(home / "log", task).train(1, [trace])
-    (driven,) = read_driven(home / "log" / "training-simtrace" / "0-iteration.csv", track)
+    (driven,) = read_driven(home / "log" / "training-simtrace" / "0-iteration.csv", [track])
     assert driven.is_reversed == reverse
     assert driven.first_progress == pytest.approx(began, abs=1e-3)
     assert began > 0.5

@@ -284,7 +284,7 @@ def test_a_tracks_file_is_found_from_other_folders(home, monkeypatch):
     (home / "elsewhere").mkdir()
     monkeypatch.chdir(home / "elsewhere")
     for task in (by_card, by_option):
-        assert task.make_env(1).unwrapped.track.length == pytest.approx(12)
+        assert task.make_env(1).unwrapped.tracks[0].length == pytest.approx(12)
 
 
 def test_checking_a_track_says_what_it_is_and_draws_it(repaint, home):

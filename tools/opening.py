@@ -87,7 +87,7 @@ def _lap(axes: Axes, name: str, policy: str) -> None:
     evaluation = repaint_cli.evaluate(
         policy, task=TASK, episodes=1, noise="none", keep_observations=True
     )
-    track = load_track(evaluation.policies.card.env.track)  # type: ignore[union-attr]
+    track = load_track(evaluation.policies.card.env.tracks[0])  # type: ignore[attr-defined]
     episode = filmed(evaluation.episodes, 0)
     *_, last = racer_frames(track.inner, track.outer, track.centre, episode, "")
     axes.imshow(last[TITLE_HEIGHT:, :MAP_WIDTH])

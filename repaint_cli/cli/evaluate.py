@@ -70,7 +70,10 @@ class EvaluateOptions(NamedTuple):
         option(WRITE, None, "Film the first episodes; this needs no screen.", "--render-offscreen"),
     ] = False
     video_episodes: Annotated[
-        int | None, option(WRITE, "INT", "How many episodes to film. Default: 5, or 1 of a race.")
+        int | None,
+        option(
+            WRITE, "INT", "How many episodes to film. Default: 5, or 1 of a race on each track."
+        ),
     ] = None
     simtrace: Annotated[
         Path | None,

@@ -39,6 +39,17 @@ class Steps:
                     yield episode, s, n
 
 
+class BegunEpisode(NamedTuple):
+    """An episode up to some step, from which it can be played again."""
+
+    first_seed: int
+    """The seed of the environment's first episode."""
+    episode: int
+    """Which episode it is, from 0."""
+    actions: Any
+    """The actions since it began, as the environment was given them, (L, …)."""
+
+
 class EpisodePaths(NamedTuple):
     """Where the car or the fingertip of each episode went, and where it should have gone."""
 
@@ -122,6 +133,15 @@ class Episodes:
         ends = self.lengths[None] - 1
         last: np.ndarray = np.take_along_axis(self.records[name], ends, axis=0)[0]
         return last
+
+
+class Parts(NamedTuple):
+    """Episodes by what they were played on, where it differs."""
+
+    name: str
+    """Of what differs, such as "track"."""
+    episodes: dict[str, np.ndarray]
+    """Which episodes are of each part, (E,) bool, by its name."""
 
 
 class Column(NamedTuple):

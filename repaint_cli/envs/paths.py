@@ -16,10 +16,13 @@ from repaint_cli.envs.episodes import EpisodePaths, Episodes
 class PathFormat(ABC):
     """Finds the paths of a simulator's episodes, and draws them."""
 
-    records: ClassVar[tuple[str, ...]] = ()
-    """The records that `draw` shows: a run keeps them of its evaluations."""
     colours: ClassVar[Mapping[str, str]] = {}
     """What may colour paths, by name, with its unit; the first is the default."""
+
+    @property
+    def records(self) -> tuple[str, ...]:
+        """The records that `draw` shows: a run keeps them of its evaluations."""
+        return ()
 
     @abstractmethod
     def paths_of(

@@ -8,9 +8,9 @@ import numpy as np
 from gymnasium.vector import VectorEnv, VectorWrapper
 
 from repaint_cli import interruption
+from repaint_cli.envs.episodes import BegunEpisode
 from repaint_cli.envs.numbers import describe, number_of
 from repaint_cli.envs.output import captured
-from repaint_cli.envs.simulator import BegunEpisode
 from repaint_cli.errors import CardError, RepaintError
 
 OWN_REWARD = "reward"

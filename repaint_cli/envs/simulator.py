@@ -7,7 +7,7 @@ line in `registry.REGISTRY`. Importing this brings no arrays, which `similarity`
 
 from abc import ABC, abstractmethod
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from repaint_cli.envs.checked_file import CheckedFile
 from repaint_cli.errors import CardError, RenderError
@@ -17,23 +17,12 @@ from repaint_cli.symmetry import Symmetry
 if TYPE_CHECKING:
     from gymnasium.vector import VectorEnv
 
-    from repaint_cli.envs.episodes import Column, Episodes
+    from repaint_cli.envs.episodes import Column, Episodes, Parts
     from repaint_cli.envs.logs import LogFormat
     from repaint_cli.envs.paths import PathFormat
     from repaint_cli.envs.reward_functions import RewardFunctions
 
     Environments = VectorEnv[Any, Any, Any]
-
-
-class BegunEpisode(NamedTuple):
-    """An episode up to some step, from which it can be played again."""
-
-    first_seed: int
-    """The seed of the environment's first episode."""
-    episode: int
-    """Which episode it is, from 0."""
-    actions: Any
-    """The actions since it began, as the environment was given them, (L, …)."""
 
 
 class Simulator(Settings, ABC):
@@ -47,11 +36,6 @@ class Simulator(Settings, ABC):
     has_noise: ClassVar[bool] = False
     """Whether `eval.noise` disturbs observations and actions."""
 
-    @property
-    def noise_in_training(self) -> bool:
-        """Whether the noise of evaluations disturbs training, too."""
-        return False
-
     @abstractmethod
     def make(
         self, n_envs: int, one_episode: bool, noise: EvalConfig | None, training: bool = False
@@ -61,8 +45,8 @@ class Simulator(Settings, ABC):
         Args:
             n_envs: N.
             one_episode: whether environments may stop for good after their first episode.
-            noise: amplitudes of evaluation noise, where it is asked for.
-            training: whether they are for training, where more may be random than in evaluations.
+            noise: amplitudes of noise, where it is asked for; in training those of [eval].
+            training: whether they are for training, which may be noisy or not whatever these say.
 
         Raises:
             CardError: the environment cannot be made.
@@ -73,9 +57,6 @@ class Simulator(Settings, ABC):
 
         Each copy's attribute `begun`, set to a `BegunEpisode`, is played by its next reset; see
         `gymnasium/replay.py`. None where that is not possible: episodes then begin afresh.
-
-        Raises:
-            CardError: the environment cannot be made.
         """
         return None
 
@@ -101,6 +82,10 @@ class Simulator(Settings, ABC):
             both_directions: whether every other evaluated episode goes the other way.
         """
         return None
+
+    def even_episodes(self, n: int) -> int:
+        """Return n, or the next number of episodes that are as many on each of its `parts`."""
+        return n
 
     @property
     def records(self) -> tuple[str, ...]:
@@ -213,6 +198,10 @@ class Simulator(Settings, ABC):
 
         return [Column("length", episodes.lengths[s], "mean")]
 
+    def parts(self, episodes: "Episodes", s: int) -> "Parts | None":
+        """Return the episodes of seed s by what they were played on; None where all are alike."""
+        return None
+
     def outcomes(self, episodes: "Episodes") -> dict[str, Any]:
         """Return the outcomes of episodes, beside returns and lengths, as JSON."""
         return {}
@@ -225,7 +214,7 @@ class Simulator(Settings, ABC):
         """
         raise CardError("expected --race with a racing task; leave it out")
 
-    # Paths
+    # Paths, films, logs
 
     @property
     def place(self) -> str:
@@ -237,10 +226,8 @@ class Simulator(Settings, ABC):
         """How its episodes' paths are found and drawn, or None where they lead along none."""
         return None
 
-    # Films
-
     filmed_episodes: ClassVar[int] = 5
-    """Episodes in a film, where nothing else is asked for."""
+    """Episodes in a film, or a few more, where nothing else is asked for."""
     films_observations: ClassVar[bool] = False
     """Whether a film shows what the policy observed."""
 
@@ -256,8 +243,6 @@ class Simulator(Settings, ABC):
             StoreError: the file cannot be written.
         """
         raise RenderError(f"the simulator '{self.simulator}' has no films")
-
-    # Logs
 
     @property
     def logs(self) -> "LogFormat | None":

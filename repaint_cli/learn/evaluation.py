@@ -78,7 +78,7 @@ def evaluate(
     keep_observations: bool = False,
     functions: Functions | None = None,
 ) -> Episodes:
-    """Play E episodes with each seed's most likely actions, unless the card says otherwise.
+    """Play episodes with each seed's most likely actions, unless the card says otherwise.
 
     The environments' seeds depend on the run seed, the purpose and the iteration, never on the
     method, so that methods meet the same episodes. Racing cards add the paper's small noise and
@@ -88,7 +88,7 @@ def evaluate(
         policy: S policies.
         task: whose environment and rewards.
         seeds: the run seeds, (S,).
-        n_episodes: E.
+        n_episodes: E, or a few less: see `Simulator.even_episodes`.
         iteration: after which iteration.
         purpose: EVALUATE during training, SCORE for a teacher's score.
         keep_observations: whether to return what the policies observed.
@@ -114,7 +114,7 @@ def play(
 ) -> tuple[Rollout, Episodes]:
     """Play episodes, and return them step by step, too; see `evaluate` and `collect`."""
     act = policy.policy if isinstance(policy, PolicyNetwork) else policy
-    noise = task.eval.noise == "paper"
+    noise, n_episodes = task.eval.noise == "paper", task.env.even_episodes(n_episodes)
     env, obs = start(
         task, seeds, n_episodes, purpose, iteration,
         one_episode=True, noise=noise, functions=functions,

@@ -108,7 +108,9 @@ def _play(card: TaskCard, check: TaskCheck) -> None:
         check.errors.append(error)
     student = ActorCritic(check.spaces, card.net, 1)
     learner = Learner.fresh(student, [0], card.ppo.learning_rate)
-    made, obs = start(card, [0], EPISODES, Purpose.TRAIN, 1, one_episode=True)
+    made, obs = start(
+        card, [0], card.env.even_episodes(EPISODES), Purpose.TRAIN, 1, one_episode=True
+    )
     env = CheckedTerms(made.env, card.reward, card.env.records)
     try:
         rollout = collect(env, obs, student.policy, [generator(0, Purpose.ACT, 1)])

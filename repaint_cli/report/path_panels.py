@@ -17,11 +17,13 @@ from repaint_cli.report import style
 from repaint_cli.report.markers import Marker
 from repaint_cli.report.statistics import Floats
 
-MAX_COLUMNS = 3
+MAX_COLUMNS, PLACE_COLUMNS = 3, 4
 LEAST_SPAN = 0.1
 """Of a scale, as a share of its largest number, so that noise does not look like a trend."""
 FEW_VALUES = 8
 """So many different values are shown without cutting off the outer ones."""
+TALL = 10.0
+"""Height of a figure above which its colour bar grows longer but not wider, inches."""
 LONG_NAME = 24
 """Letters of a name that has a line of its own over its panel."""
 
@@ -57,25 +59,34 @@ class PathPanel:
                 raise ValueError(f"{name} is {np.shape(array)} beside paths {self.xy.shape}")
 
 
-def label_of(name: str, mean_return: float) -> str:
-    """Return the label of a panel: its name and the mean return."""
-    return f"{name}{chr(10) if len(name) > LONG_NAME else ' · '}return {mean_return:.4g}"
+def label_of(name: str, mean_return: float, place: str = "") -> str:
+    """Return the label of a panel: its name and the mean return; of several places, where."""
+    whole = f"{place}: {name}" if place else name
+    between = chr(10) if place or len(name) > LONG_NAME else " · "
+    return f"{whole}{between}return {mean_return:.4g}"
 
 
-def grid(n_panels: int, aspect: float, title: str) -> tuple[Figure, list[Axes]]:
-    """Return a figure with so many panels of about height/width `aspect`, at most three a row."""
-    aspect = float(np.clip(aspect, 0.4, 1.4))
+def grid(n_panels: int, aspect: float, title: str, n_places: int = 1) -> tuple[Figure, list[Axes]]:
+    """Return a figure with so many panels of about height/width `aspect`, at most three a row.
+
+    Those of several places, such as tracks, have axes of their own, and a column or two a place.
+    """
+    aspect, one_place = float(np.clip(aspect, 0.4, 1.4)), n_places == 1
     columns = 2 if n_panels == 4 else max(1, min(n_panels, MAX_COLUMNS))
+    if 1 < n_places <= PLACE_COLUMNS:
+        columns = min(n_panels, PLACE_COLUMNS // n_places * n_places)
     rows = max(1, -(-n_panels // columns))
     side = {1: 5.6, 2: 4.3}.get(columns, 3.6)
     figure = style.new_figure(columns * side + 1.2, rows * (side * aspect + 0.35) + 1.1)
     style.headline(figure, title)
-    places = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True).ravel()
+    places = figure.subplots(rows, columns, squeeze=False, sharex=one_place, sharey=one_place)
+    places = places.ravel()
     for empty in places[n_panels:]:
         empty.set_visible(False)
     for i, axes in enumerate(places[:n_panels]):
-        axes.tick_params(labelbottom=i + columns >= n_panels)
-        axes.set_xlabel("x [m]" if i + columns >= n_panels else "", size=style.NOTE_SIZE)
+        is_last = i + columns >= n_panels
+        axes.tick_params(labelbottom=is_last or not one_place)
+        axes.set_xlabel("x [m]" if is_last else "", size=style.NOTE_SIZE)
         axes.set_ylabel("y [m]" if i % columns == 0 else "", size=style.NOTE_SIZE)
     return figure, list(places[:n_panels])
 
@@ -133,9 +144,11 @@ def mark(axes: Axes, points: Floats, marker: Marker) -> None:
 
 def colour_bar(figure: Figure, grid: list[Axes], scale: Normalize, label: str, extend: str) -> None:
     """Draw the scale of a quantity beside all panels, with its name and unit."""
+    slender = 28 * max(1.0, figure.get_figheight() / TALL)
     bar = figure.colorbar(
-        ScalarMappable(scale, style.ramp()), ax=grid, extend=extend, shrink=0.8, aspect=28, pad=0.02
-    )
+        ScalarMappable(scale, style.ramp()), ax=grid, extend=extend, shrink=0.8, aspect=slender,
+        pad=0.02,
+    )  # fmt: skip
     bar.set_label(label, size=style.TEXT_SIZE)
     bar.ax.tick_params(labelsize=style.NOTE_SIZE)
     bar.outline.set_visible(False)

@@ -185,7 +185,9 @@ def compare_paths(
         evaluated.append(EvaluatedRun(run, f"{run.task.name}: {run.label}", played))
         if on_run:
             on_run(evaluated[-1])
-    title = f"the last policies, {episodes} episodes each, first seeds"
+    title = (
+        f"the last policies, {evaluated[0].episodes.returns.shape[1]} episodes each, first seeds"
+    )
     panels = [(one.label, one.episodes) for one in evaluated]
     draw_trajectories(runs[0].task, panels, picture, title)
     return evaluated

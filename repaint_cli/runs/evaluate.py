@@ -48,9 +48,10 @@ class Evaluation:
             raise CardError(
                 "expected an evaluation that keeps observations: keep_observations=True"
             )
-        wanted = card.env.filmed_episodes if n_episodes is None else n_episodes
+        wanted = n_episodes or card.env.even_episodes(card.env.filmed_episodes)
         with RunFolder(self.policies.folder).locked(), doing("filming"):
-            card.env.film(self.episodes, path, self.policies.name, min(wanted, card.eval.episodes))
+            n = min(wanted, self.episodes.returns.shape[1])
+            card.env.film(self.episodes, path, self.policies.name, n)
         return path
 
 
@@ -136,7 +137,9 @@ def evaluate_policy(
 
 def _write(policies: Policies, episodes: Episodes, seeds: list[int], colour: str) -> list[Path]:
     """Write eval.json, and the paths where there are any; return the files."""
-    files, n = RunFolder(policies.folder), policies.card.eval.episodes
+    files, n = RunFolder(policies.folder), episodes.returns.shape[1]
+    if parts := policies.card.env.parts(episodes, 0):
+        n //= len(parts.episodes)
     written = [files.eval_record]
     write_text(written[0], as_json(_summary(policies, episodes, seeds)))
     panels, title = [(f"{n} episodes", episodes)], f"{policies.name} · seed {seeds[0]}"

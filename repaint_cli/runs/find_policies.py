@@ -116,7 +116,11 @@ def last_policies(run: RecordedRun) -> ActorCritic:
 
 
 def with_settings(
-    policies: Policies, episodes: int | None, noise: str | None, settings: Sequence[str]
+    policies: Policies,
+    episodes: int | None,
+    noise: str | None,
+    race: bool,
+    settings: Sequence[str],
 ) -> Policies:
     """Return the policies with other settings of their task.
 
@@ -124,10 +128,11 @@ def with_settings(
         policies: which.
         episodes: how many in an evaluation; as the task has it where absent.
         noise: "none" or "paper"; as the task has it where absent.
+        race: whether they race under the rules in [eval], in a folder of its own.
         settings: others, which make it an evaluation of its own, in a folder of its own.
 
     Raises:
-        CardError: a setting is out of range.
+        CardError: a setting is out of range, or the task has no races.
         TeacherMismatch: the policies do not fit the task any more.
     """
     given = {"episodes": episodes, "noise": noise}
@@ -145,15 +150,12 @@ def with_settings(
         name = f"{policies.name} · {', '.join(settings)}"
         folder = RUNS / card.name / f"eval-set-{stamp()}"
         policies = replace(policies, name=name, network=network, folder=folder)
-    return replace(policies, card=card.model_copy(update={"env": card.env.for_replay()}))
+    policies = replace(policies, card=card.model_copy(update={"env": card.env.for_replay()}))
+    return _racing(policies) if race else policies
 
 
-def racing(policies: Policies) -> Policies:
-    """Return the policies in races under the rules in [eval] of their task, in a folder of its own.
-
-    Raises:
-        CardError: the task has no races.
-    """
+def _racing(policies: Policies) -> Policies:
+    """Return the policies in races."""
     card = policies.card
     return replace(
         policies,

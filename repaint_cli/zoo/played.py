@@ -133,5 +133,6 @@ class Player:
 
 def _reverse(task: TaskCard, n_episodes: int) -> np.ndarray:
     """Return which of an evaluation's episodes go the other way round, (E,) bool."""
+    n_episodes = task.env.even_episodes(n_episodes)
     options = task.start_options(1, n_episodes, None) or {}
     return np.array(options.get("reverse", [False] * n_episodes), bool)

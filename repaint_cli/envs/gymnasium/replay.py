@@ -5,7 +5,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 
-from repaint_cli.envs.simulator import BegunEpisode
+from repaint_cli.envs.episodes import BegunEpisode
 
 
 class EpisodeSeeds(gymnasium.Wrapper[Any, Any, Any, Any]):

@@ -4,6 +4,7 @@ from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
+from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
 from repaint_cli.envs.racer.track.geometry import Floats
@@ -29,6 +30,16 @@ def check_names(**names: tuple[str, Iterable[str]]) -> None:
     for what, (name, known) in names.items():
         if name not in known:
             raise ValueError(f"unknown {what} '{name}'; choose one of {', '.join(known)}")
+
+
+def check_autoreset(mode: AutoresetMode) -> None:
+    """Check that an environment starts anew after an episode, or its car parks.
+
+    Raises:
+        ValueError: the mode is another one.
+    """
+    if mode not in (AutoresetMode.NEXT_STEP, AutoresetMode.DISABLED):
+        raise ValueError(f"expected autoreset NEXT_STEP or DISABLED, found {mode}")
 
 
 def checked_actions(actions: NDArray[np.int64], n: int, n_actions: int) -> NDArray[np.int64]:
@@ -61,6 +72,29 @@ def checked_pairs(actions: NDArray[Any], n: int) -> NDArray[Any]:
     if not np.isfinite(actions).all():
         raise ValueError(f"expected finite numbers as actions, found {actions}")
     return actions
+
+
+def tracks_of(options: dict[str, Any] | None, n: int, n_tracks: int) -> NDArray[np.int64] | None:
+    """Return the start option "track", (N,), which track each drives; None where it is absent.
+
+    Raises:
+        ValueError: the tracks are not N integers from 0 to the number of tracks.
+    """
+    if options is None or "track" not in options:
+        return None
+    tracks = np.array(options["track"])
+    whole = tracks.shape == (n,) and tracks.dtype.kind in "iu"
+    if not whole or tracks.min() < 0 or tracks.max() >= n_tracks:
+        raise ValueError(f"expected {n} tracks from 0 to {n_tracks - 1}, found {tracks}")
+    return tracks.astype(np.int64)
+
+
+def flags_of(options: dict[str, Any] | None, name: str, n: int) -> NDArray[np.bool_]:
+    """Return a start option that is a yes or no for each of N cars, (N,); no where it is absent."""
+    flags = np.zeros(n, np.bool_)
+    if options and name in options:
+        flags[:] = options[name]
+    return flags
 
 
 def lap_fractions_of(options: dict[str, Any] | None, n: int) -> Floats | None:

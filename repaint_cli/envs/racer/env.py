@@ -1,4 +1,4 @@
-"""N cars, each on its own copy of one track, behind Gymnasium's vector interface.
+"""N cars, each on its own copy of a track, behind Gymnasium's vector interface.
 
 A car's observations and rewards depend on its own seed and actions alone: the number of cars and
 of threads changes nothing.
@@ -15,10 +15,18 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from repaint_cli.envs.racer.actions import Actions, checked
-from repaint_cli.envs.racer.arguments import check_names, check_positive, lap_fractions_of
+from repaint_cli.envs.racer.arguments import (
+    check_autoreset,
+    check_names,
+    check_positive,
+    flags_of,
+    lap_fractions_of,
+    tracks_of,
+)
+from repaint_cli.envs.racer.deepracer.params import params_in
 from repaint_cli.envs.racer.dynamics.car import ACTIONS, CAR_PROFILES, STEP_SECONDS
 from repaint_cli.envs.racer.dynamics.commands import commands_for
-from repaint_cli.envs.racer.dynamics.directions import Rows
+from repaint_cli.envs.racer.dynamics.directions import Rows, Turns, several
 from repaint_cli.envs.racer.dynamics.fleet import NOTHING, Fleet
 from repaint_cli.envs.racer.dynamics.objects import ObjectSettings
 from repaint_cli.envs.racer.dynamics.race import Race, RaceRules
@@ -56,6 +64,9 @@ class RacerVectorEnv(VectorEnv[Any, NDArray[Any], Any]):
     generator, or where `reset(options={"lap_fraction": ...})` says; on an open track always at its
     beginning.
 
+    **Tracks** of several, each episode drives one, drawn by the environment's own generator, or
+    where `reset(options={"track": ...})` names the first, all in turn.
+
     **Objects** are bots that drive the same road in its lanes, or boxes that stand there.
 
     **End** by leaving the track with all wheels, crashing, completing the lap, standing
@@ -66,25 +77,25 @@ class RacerVectorEnv(VectorEnv[Any, NDArray[Any], Any]):
     m), `heading` (rad), `speed` (true, m/s), `steering` (true, rad), `progress` (%), `lap_time`
     (s), `wheels_on` (the road, 0 to 4), `waypoint` (index of the nearest) and `status`, an index
     into `rules.STATUS`; with objects `objects`, (N, B, 3): x, y and heading of each, and `hit`; in
-    a race `laps`, `resets` and `penalties` (s). Progress is that of the front point, so it begins a
-    little above 0.
+    a race `laps`, `resets` and `penalties` (s); of several tracks `track`, its number. Progress is
+    that of the front point, so it begins a little above 0.
 
     **Autoreset** NEXT_STEP starts a new episode in the step after the last, ignoring that action.
     DISABLED parks the car: it keeps its state and last image, earns nothing and costs nothing.
     """
 
     def __init__(
-        self, track: Track, num_envs: int, *, car: str = "sim4",
+        self, track: Track | Sequence[Track], num_envs: int, *, car: str = "sim4",
         actions: Actions | Mapping[str, Sequence[float]] = ACTIONS, sensors: str = "camera",
         objects: ObjectSettings = NOTHING, crash: str = "at-fault", range_min: float = 0.12,
         max_steps: int = 1500, noise: Noise | None = None,
         appearance: RandomAppearance | None = None, race: RaceRules | None = None,
         autoreset_mode: AutoresetMode = AutoresetMode.NEXT_STEP, threads: int = 1,
     ) -> None:  # fmt: skip
-        """Build N cars on a track; `reset` puts them on the road.
+        """Build N cars; `reset` puts them on the road.
 
         Args:
-            track: that they drive.
+            track: that they drive, or several.
             num_envs: N.
             car: a name in `CAR_PROFILES`.
             actions: what to choose from, steering (degrees, left is positive) and speed (m/s), or
@@ -106,8 +117,10 @@ class RacerVectorEnv(VectorEnv[Any, NDArray[Any], Any]):
         self._commands = commands_for(checked(actions))
         check_positive(num_envs=num_envs, max_steps=max_steps, threads=threads)
         check_names(car=(car, CAR_PROFILES), sensors=(sensors, SENSORS), crash=(crash, CRASHES))
-        self._set_autoreset(autoreset_mode)
-        self.num_envs, self.track = num_envs, track
+        check_autoreset(autoreset_mode)
+        self.metadata = {"autoreset_mode": autoreset_mode, "render_fps": round(1 / STEP_SECONDS)}
+        self._parks = autoreset_mode is AutoresetMode.DISABLED
+        self.num_envs, self.tracks = num_envs, several(track)
         self._sensors = Sensors(track, sensors, range_min, noise, threads, appearance)
         self._set_spaces()
         self._fleet = Fleet(track, num_envs, car, max_steps, objects, crash)
@@ -116,19 +129,9 @@ class RacerVectorEnv(VectorEnv[Any, NDArray[Any], Any]):
         self._noise, self._is_reset = noise, False
         self._rngs = [np.random.default_rng() for _ in range(num_envs)]
         self._given_starts: Floats | None = None
+        self._turns = Turns(len(self.tracks), num_envs)
         self._reverse = np.zeros(num_envs, np.bool_)
         self._parked_readings: Readings = {}  # the last ones of parked cars
-
-    def _set_autoreset(self, mode: AutoresetMode) -> None:
-        """Note whether an environment starts anew after an episode, or its car parks.
-
-        Raises:
-            ValueError: the mode is another one.
-        """
-        if mode not in (AutoresetMode.NEXT_STEP, AutoresetMode.DISABLED):
-            raise ValueError(f"expected autoreset NEXT_STEP or DISABLED, found {mode}")
-        self.metadata = {"autoreset_mode": mode, "render_fps": round(1 / STEP_SECONDS)}
-        self._parks = mode is AutoresetMode.DISABLED
 
     def _set_spaces(self) -> None:
         """Set the spaces of one environment and of all."""
@@ -149,24 +152,23 @@ class RacerVectorEnv(VectorEnv[Any, NDArray[Any], Any]):
             seed: one an environment; an integer s stands for s, s + 1, …; None goes on with the
                 generators as they are.
             options: "lap_fraction", (N,), is where cars start, now and at autoresets; without it
-                they draw their places. "reverse", (N,), is whether a car drives the other way;
-                "parked", (N,), whether it has no episode, where cars park after theirs.
+                they draw their places. "track", (N,), is which of several tracks cars drive first,
+                and at autoresets the next one. "reverse", (N,), is whether a car drives the other
+                way; "parked", (N,), whether it has no episode, where cars park after theirs.
 
         Raises:
-            ValueError: the seeds or fractions are not N.
+            ValueError: the seeds, fractions or tracks are not N, or there is no such track.
         """
         for i, one in enumerate(seeds_of(seed, self.num_envs)):
             if one is not None:
                 self._rngs[i] = np.random.default_rng(one)
         self._given_starts = lap_fractions_of(options, self.num_envs)
-        self._reverse = np.zeros(self.num_envs, np.bool_)
-        if options and "reverse" in options:
-            self._reverse[:] = options["reverse"]
+        self._turns.begin(tracks_of(options, self.num_envs, len(self.tracks)))
+        self._reverse = flags_of(options, "reverse", self.num_envs)
         self._is_reset = True
         rows = np.arange(self.num_envs)
         self._start(rows)
-        if options and "parked" in options:
-            self._fleet.status[np.asarray(options["parked"])] = TIME_UP
+        self._fleet.status[flags_of(options, "parked", self.num_envs)] = TIME_UP
         readings = self._sensors.read(rows, self._fleet, self._rngs)
         if self._parks:
             self._parked_readings = {name: part.copy() for name, part in readings.items()}
@@ -214,7 +216,7 @@ class RacerVectorEnv(VectorEnv[Any, NDArray[Any], Any]):
 
         Speed and steering in it are those of the action that was chosen, whatever noise made of it.
         """
-        return self._fleet.params(row, self._chosen[row])
+        return params_in(self._fleet, row, self._chosen[row])
 
     def close_extras(self, **kwargs: Any) -> None:
         """Stop the sensors' threads."""
@@ -222,14 +224,14 @@ class RacerVectorEnv(VectorEnv[Any, NDArray[Any], Any]):
 
     def _start(self, rows: Rows) -> None:
         """Begin new episodes of these cars (K,)."""
-        if self._given_starts is not None:
-            fractions = self._given_starts
-        else:
+        fractions = self._given_starts
+        if fractions is None:
             fractions = np.zeros(self.num_envs)
             for row in rows:
                 fractions[row] = self._rngs[row].integers(START_PLACES) / START_PLACES
         self._chosen[rows] = 0.0
-        self._fleet.start(rows, fractions, self._reverse, self._rngs)
+        tracks = self._turns.take(rows, self._rngs)
+        self._fleet.start(rows, fractions, self._reverse, self._rngs, tracks)
         self._sensors.start(rows, self._rngs)
         if self._race:
             self._race.start(rows)

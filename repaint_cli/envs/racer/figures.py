@@ -1,53 +1,74 @@
 """Which numbers of a race go into its figures and its film."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from repaint_cli.envs.episodes import Episodes
 from repaint_cli.envs.racer.deepracer.simtrace_reader import read_training
+from repaint_cli.envs.racer.deepracer.which_track import track_driven
 from repaint_cli.envs.racer.dynamics.car import FRONT_OFFSET
 from repaint_cli.envs.racer.dynamics.fleet import NOTHING
 from repaint_cli.envs.racer.dynamics.objects import ObjectSettings
 from repaint_cli.envs.racer.film import CAR_SIZE, FilmedEpisode, racer_frames
-from repaint_cli.envs.racer.names import STATUS
+from repaint_cli.envs.racer.names import STATUS, TRACK_RECORD
+from repaint_cli.envs.racer.outcomes import parts
 from repaint_cli.envs.racer.path_figure import plot_racer
+from repaint_cli.envs.racer.road import Road
 from repaint_cli.envs.racer.simulator import RacerSimulator
 from repaint_cli.envs.racer.track.files import load_track
+from repaint_cli.envs.racer.track.track import Track
+from repaint_cli.envs.racer.tracks import labels_of
 from repaint_cli.envs.racer.training_figures import plot_heatmap, plot_progress
 from repaint_cli.report.path_panels import PathPanel, label_of
-from repaint_cli.report.video import write_video
+from repaint_cli.report.video import Frame, write_video
+
+MOST_LETTERS = 64
+"""Of the title of a film, which is as wide as its map."""
 
 
 def draw_paths(
-    track: str,
+    tracks: Sequence[str],
     panels: Sequence[tuple[str, Episodes]],
     path: Path,
     title: str,
     colour: tuple[str, str],
 ) -> None:
-    """Draw the first seed's paths over a track; see `PathFormat.draw`.
+    """Draw the first seed's paths over each track; see `PathFormat.draw`.
 
     `colour` is what colours them, "reward" or the name of a record, and its unit.
     """
-    drawn = [_panel(name, episodes, colour[0]) for name, episodes in panels]
-    road = load_track(track)
-    plot_racer(drawn, road.inner, road.outer, road.centre, path, title, colour[1])
+    drawn, labels = [], labels_of(tracks)
+    for name, episodes in panels:
+        if by_track := parts(episodes, 0, labels):
+            for label, own in by_track.episodes.items():
+                drawn.append(_panel(name, episodes, colour[0], own, label))
+        else:
+            drawn.append(_panel(name, episodes, colour[0], episodes.lengths[0] > 0))
+    plot_racer(drawn, [_road_of(load_track(name)) for name in tracks], path, title, colour[1])
 
 
-def _panel(name: str, episodes: Episodes, colour: str) -> PathPanel:
+def _road_of(track: Track) -> Road:
+    return Road(track.inner, track.outer, track.centre)
+
+
+def _panel(
+    name: str, episodes: Episodes, colour: str, own: np.ndarray, track: str = ""
+) -> PathPanel:
+    """Return the panel of some of the first seed's episodes, (E,) bool, on a track."""
     progress, status = episodes.progress, episodes.status
     assert episodes.paths is not None
     assert progress is not None
     assert status is not None
-    label = label_of(name, episodes.returns[0].mean())
+    label, ends = label_of(name, episodes.returns[0, own].mean(), track), status[0, own]
+    values = (episodes.rewards if colour == "reward" else episodes.records[colour])[:, 0]
     return PathPanel(
-        episodes.paths[0],
-        f"{label} · progress {progress[0].mean():.0f} %",
-        values=(episodes.rewards if colour == "reward" else episodes.records[colour])[:, 0].T,
-        ended_off=status[0] == STATUS.index("off_track"),
-        crashed=status[0] == STATUS.index("crashed"),
+        episodes.paths[0, own],
+        f"{label} · progress {progress[0, own].mean():.0f} %",
+        values=values.T[own],
+        ended_off=ends == STATUS.index("off_track"),
+        crashed=ends == STATUS.index("crashed"),
     )
 
 
@@ -64,28 +85,34 @@ def draw_training(
         title: over both.
     """
     training = [(k, trace) for k, traces in read_training(log) for trace in traces]
-    track = load_track(env.track)
-    heatmap, curves = run / "heatmap.png", run / "progress.png"
-    plot_heatmap(training, track.inner, track.outer, track.centre, heatmap, title)
+    tracks, labels = [load_track(name, env.waypoints) for name in env.tracks], labels_of(env.tracks)
+    driven = np.array([track_driven(trace, tracks) for _, trace in training])
+    several, heatmaps = len(tracks) > 1, []
+    for t, (track, label) in enumerate(zip(tracks, labels, strict=True)):
+        own = [training[i] for i in np.flatnonzero(driven == t)]
+        name = f"heatmap-{label.replace('/', '-')}.png" if several else "heatmap.png"
+        plot_heatmap(own, *_road_of(track), run / name, f"{title}, {label}" if several else title)
+        heatmaps.append(run / name)
+    curves = run / "progress.png"
     plot_progress(training, progress, curves, title)
-    return [heatmap, curves]
+    return [*heatmaps, curves]
 
 
 def film(env: RacerSimulator, episodes: Episodes, path: Path, title: str, n_episodes: int) -> None:
-    """Film the first seed's first episodes; see `Simulator.film`."""
-    track = load_track(env.track)
-    frames = (
-        frame
-        for e in range(n_episodes)
-        for frame in racer_frames(
-            track.inner,
-            track.outer,
-            track.centre,
-            filmed(episodes, e, env.objects),
-            f"{title} · episode {e + 1}",
-        )
-    )
-    write_video(frames, path, fps=15)
+    """Film the first seed's first episodes, each on its track; see `Simulator.film`."""
+    roads, labels = [_road_of(load_track(name)) for name in env.tracks], labels_of(env.tracks)
+    driven = episodes.last(TRACK_RECORD)
+
+    def frames() -> Iterator[Frame]:
+        for e in range(n_episodes):
+            t = 0 if driven is None else int(driven[0, e])
+            where = "" if driven is None else f" · {labels[t]}"
+            end = f"{where} · episode {e + 1}"
+            room = max(1, MOST_LETTERS - len(end))
+            begin = title if len(title) <= room else f"{title[: room - 1]}…"
+            yield from racer_frames(*roads[t], filmed(episodes, e, env.objects), begin + end)
+
+    write_video(frames(), path, fps=15)
 
 
 def filmed(episodes: Episodes, e: int, objects: ObjectSettings = NOTHING) -> FilmedEpisode:

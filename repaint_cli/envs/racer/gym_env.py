@@ -1,6 +1,6 @@
 """The racer as an environment of Gymnasium for other libraries: one car, or many in step."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, get_args
 
 import gymnasium
@@ -24,7 +24,7 @@ NO_LIMIT = 2**31 - 1
 def make_cars(
     num_envs: int = 1,
     *,
-    track: str = "reinvent-like",
+    track: str | Sequence[str] = "reinvent-like",
     waypoints: Waypoints = "file",
     reward: Mapping[str, float] | None = None,
     max_episode_steps: int = MAX_EPISODE_STEPS,
@@ -37,7 +37,7 @@ def make_cars(
 
     Args:
         num_envs: N.
-        track: a shipped track by name, or a file of waypoints.
+        track: a shipped track by name, or a file of waypoints; or several of them.
         waypoints: numbered as in its "file", or "unique": without rows that repeat another.
         reward: weights of reward terms, by name; the progress of the step where absent.
         max_episode_steps: the time limit, steps of 1/15 s.
@@ -55,16 +55,17 @@ def make_cars(
     for name in reward or ():
         check_names(reward=(name, sorted(terms)))
     check_names(waypoints=(waypoints, get_args(Waypoints)))
-    road = load_track(track, waypoints)
-    cars = RacerVectorEnv(road, num_envs, max_steps=max_episode_steps, objects=objects, **settings)
+    names = (track,) if isinstance(track, str) else track
+    roads = [load_track(name, waypoints) for name in names]
+    cars = RacerVectorEnv(roads, num_envs, max_steps=max_episode_steps, objects=objects, **settings)
     return RewardTerms(cars, reward) if reward else cars
 
 
 class RacerEnv(gymnasium.Env[Any, np.int64]):
     """One car; spaces, reward, starts and infos are those of `RacerVectorEnv`, without its axis N.
 
-    The options of `reset` are `lap_fraction`, a number, and `reverse`. It is drawn as its (left)
-    camera sees the road.
+    The options of `reset` are `lap_fraction` and `track`, numbers, and `reverse`. It is drawn as
+    its (left) camera sees the road.
     """
 
     metadata: dict[str, Any] = {  # noqa: RUF012 - as Gymnasium declares it

@@ -12,6 +12,9 @@ OBJECT_RECORDS = ("objects", "hit")
 RACE_RECORDS = ("laps", "resets", "penalties")
 """What is known besides of a car in a race."""
 
+TRACK_RECORD = "track"
+"""What is known besides where there are several tracks: which it drives, from 0."""
+
 TERMS = frozenset({"lane", "keep", "dprog", "fail"})
 """What every car may be paid for."""
 

@@ -1,6 +1,6 @@
-"""A track from above with the paths of cars, a panel an evaluation. Metres and m/s.
+"""Tracks from above with the paths of cars, a panel an evaluation and track. Metres and m/s.
 
-**E** episodes · **T** steps · **M** corners of a border.
+**E** episodes · **T** steps.
 """
 
 from collections.abc import Sequence
@@ -11,7 +11,7 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.colors import Normalize, to_rgb
 
-from repaint_cli.envs.racer.road import draw_road, lane_patches
+from repaint_cli.envs.racer.road import Road, draw_road, lane_patches
 from repaint_cli.envs.racer.sweep import cell_of, sweep
 from repaint_cli.envs.racer.track.geometry import Floats
 from repaint_cli.report import style
@@ -33,20 +33,16 @@ PASSAGE = 0.35
 
 def plot_racer(
     panels: Sequence[PathPanel],
-    inner: Floats,
-    outer: Floats,
-    centre: Floats,
+    roads: Sequence[Road],
     path: Path,
     title: str,
     unit: str = "speed [m/s]",
 ) -> None:
-    """Draw the track from above with paths as wide as the car, one panel a checkpoint.
+    """Draw tracks from above with paths as wide as the car, one panel a checkpoint and track.
 
     Args:
-        panels: what to draw, in reading order.
-        inner: border on the infield side, (M, 2), m.
-        outer: border on the outfield side, (M, 2), m.
-        centre: centre line, (M, 2), m.
+        panels: what to draw, in reading order; of several tracks one after the other.
+        roads: where the cars of panel i drove, roads[i mod n] of n.
         path: of the PNG.
         title: over the whole figure.
         unit: what the colours are.
@@ -54,13 +50,14 @@ def plot_racer(
     Raises:
         StoreError: the file cannot be written.
     """
-    points = np.concatenate([inner, outer, *(panel.xy.reshape(-1, 2) for panel in panels)])
-    low, high = np.nanmin(points, axis=0) - 0.2, np.nanmax(points, axis=0) + 0.2
-    width, height = high - low
-    figure, panes = grid(len(panels), height / width, title)
+    n = len(roads)
+    corners = [_corners(road, panels[i::n]) for i, road in enumerate(roads)]
+    aspect = max(float(np.divide(*(high - low)[::-1])) for low, high in corners)
+    figure, panes = grid(len(panels), aspect, title, n_places=n)
     scale, extend = scale_of(panels)
-    for axes, panel in zip(panes, panels, strict=True):
-        draw_road(axes, inner, outer, centre)
+    for i, (axes, panel) in enumerate(zip(panes, panels, strict=True)):
+        low, high = corners[i % n]
+        draw_road(axes, *roads[i % n])
         _swept(axes, panel, scale, low, high)
         coloured_paths(axes, panel.xy, panel.values, scale)
         _starts_and_exits(axes, panel)
@@ -69,6 +66,13 @@ def plot_racer(
         colour_bar(figure, panes, scale, unit, extend)
     legend(figure, _legend_entries(panels))
     style.save(figure, path)
+
+
+def _corners(road: Road, panels: Sequence[PathPanel]) -> tuple[Floats, Floats]:
+    """Return the lower left and upper right corner (2,) of what panels on a road show, m."""
+    paths = (panel.xy.reshape(-1, 2) for panel in panels)
+    points = np.concatenate([road.inner, road.outer, *paths])
+    return np.nanmin(points, axis=0) - 0.2, np.nanmax(points, axis=0) + 0.2
 
 
 def _legend_entries(panels: Sequence[PathPanel]) -> list[Artist]:

@@ -8,16 +8,21 @@ import numpy as np
 
 from repaint_cli.envs.episodes import EpisodePaths, Episodes
 from repaint_cli.envs.paths import PathFormat
+from repaint_cli.envs.racer.names import TRACK_RECORD
 
 
 class RacerPaths(PathFormat):
     """Where the front points of cars on a track went."""
 
-    records: ClassVar[tuple[str, ...]] = ("speed", "progress", "status")
     colours: ClassVar[Mapping[str, str]] = {"speed": "speed [m/s]", "reward": "reward per step"}
 
-    def __init__(self, track: str) -> None:
-        self._track = track
+    def __init__(self, tracks: Sequence[str]) -> None:
+        self._tracks = tracks
+
+    @property
+    def records(self) -> tuple[str, ...]:
+        """The records that `draw` shows; see `PathFormat.records`."""
+        return "speed", "progress", "status", *(TRACK_RECORD,) * (len(self._tracks) > 1)
 
     def paths_of(
         self,
@@ -32,8 +37,8 @@ class RacerPaths(PathFormat):
     def draw(
         self, panels: Sequence[tuple[str, Episodes]], path: Path, title: str, colour: str
     ) -> None:
-        """Draw the track with the cars' paths; see `PathFormat.draw`."""
+        """Draw each track with the cars' paths; see `PathFormat.draw`."""
         from repaint_cli.envs.racer.figures import draw_paths
 
         colour = colour or next(iter(self.colours))
-        draw_paths(self._track, panels, path, title, (colour, self.colours[colour]))
+        draw_paths(self._tracks, panels, path, title, (colour, self.colours[colour]))

@@ -10,6 +10,7 @@ from repaint_cli.envs.racer.dynamics.race import RaceRules
 from repaint_cli.envs.racer.names import RACE_RECORDS
 from repaint_cli.envs.racer.outcomes import outcomes
 from repaint_cli.envs.racer.simulator import RacerSimulator
+from repaint_cli.envs.racer.tracks import labels_of
 from repaint_cli.settings import EvalConfig
 
 
@@ -66,7 +67,7 @@ class RaceSimulator(RacerSimulator):
         times, resets, penalties = _races(episodes)
         laps = [[own[~np.isnan(own)].tolist() for own in row] for row in times]
         race = {"lap_times": laps, "resets": resets.tolist(), "penalties": penalties.tolist()}
-        return outcomes(episodes) | race
+        return outcomes(episodes, labels_of(self.tracks), times) | race
 
 
 def _races(episodes: Episodes) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

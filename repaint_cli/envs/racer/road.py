@@ -1,5 +1,7 @@
 """A track from above: two lanes in two greys, white borders, a dashed centre line. Metres."""
 
+from typing import NamedTuple
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Patch, PathPatch
@@ -11,6 +13,17 @@ from repaint_cli.envs.racer.track.geometry import Floats
 CAR_LENGTH, CAR_WIDTH = round(BOT_LENGTH, 2), round(BOT_WIDTH, 2)
 """Of a car in figures: its visible body, in whole cm, centred on the base, m."""
 INNER_LANE, OUTER_LANE, BORDER, DASHES = "#cfcfcf", "#dedede", "#333333", "#ffffff"
+
+
+class Road(NamedTuple):
+    """The lines of a road."""
+
+    inner: Floats
+    """Border on the infield side, (M, 2), m."""
+    outer: Floats
+    """Border on the outfield side, (M, 2), m."""
+    centre: Floats
+    """Centre line, (M, 2), m."""
 
 
 def draw_road(axes: Axes, inner: Floats, outer: Floats, centre: Floats) -> None:

@@ -3,12 +3,12 @@
 A default here is the paper's, or what our cards have.
 """
 
-from pathlib import Path
-from typing import TYPE_CHECKING, Literal, Self
+from typing import TYPE_CHECKING, Any, Literal, Self
 
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from repaint_cli.envs.racer.actions import CardActions
+from repaint_cli.envs.racer.tracks import Names, checked_names
 from repaint_cli.envs.simulator import Simulator
 
 if TYPE_CHECKING:
@@ -20,8 +20,9 @@ class RacerSettings(Simulator):
 
     simulator: Literal["racer"]
     """Which simulator this is."""
-    track: str = "reinvent-like"
-    """A shipped track, by name, or the path of a file of waypoints (`my-track.npy`)."""
+    track: Names = "reinvent-like"
+    """A shipped track, by name, or the path of a file of waypoints (`my-track.npy`); or a list of
+    them, which episodes drive in turn."""
     waypoints: Literal["file", "unique"] = "file"
     """How waypoints are numbered for reward functions and logs: as the rows of the track's file, as
     DeepRacer did until March 2026, or without rows that repeat the one before."""
@@ -80,14 +81,14 @@ class RacerSettings(Simulator):
     range_min: float = Field(0.12, ge=0, lt=1)
     """What the lidar reads of anything nearer, m."""
     max_steps: int | None = Field(None, gt=0)
-    """Time limit of an episode, in steps of 1/15 s; absent: one and a half times what a lap takes
-    at the slowest of `actions`, and at least 1,500."""
+    """Time limit of an episode, in steps of 1/15 s; absent: one and a half times what a lap of the
+    longest track takes at the slowest of `actions`, and at least 1,500."""
 
-    @field_validator("track")
+    @field_validator("track", mode="before")
     @classmethod
-    def _from_any_folder(cls, track: str) -> str:
+    def _from_any_folder(cls, track: Any) -> Names:
         """Keep a file's whole path: a run or a teacher is used in other folders too."""
-        return str(Path(track).absolute()) if track.endswith(".npy") else track
+        return checked_names(track)
 
     @field_validator("bot_waits", "box_size")
     @classmethod
@@ -113,9 +114,9 @@ class RacerSettings(Simulator):
         return self
 
     @property
-    def noise_in_training(self) -> bool:
-        """Whether the noise of evaluations disturbs training, too."""
-        return self.training_noise
+    def tracks(self) -> tuple[str, ...]:
+        """Its track, or all of them."""
+        return (self.track,) if isinstance(self.track, str) else self.track
 
     @property
     def objects(self) -> "ObjectSettings":

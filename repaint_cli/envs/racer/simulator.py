@@ -7,14 +7,15 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 from repaint_cli.envs.checked_file import CheckedFile
 from repaint_cli.envs.racer.actions import ActionRanges
 from repaint_cli.envs.racer.mirror import symmetries_of, unpaired_action
-from repaint_cli.envs.racer.names import OBJECT_RECORDS, OBJECT_TERMS, RECORDS, TERMS
+from repaint_cli.envs.racer.names import OBJECT_RECORDS, OBJECT_TERMS, RECORDS, TERMS, TRACK_RECORD
 from repaint_cli.envs.racer.settings import RacerSettings
+from repaint_cli.envs.racer.tracks import Starts, beside, files_of, labels_of
 from repaint_cli.errors import CardError, RepaintError
 from repaint_cli.settings import EvalConfig
 from repaint_cli.symmetry import Symmetry
 
 if TYPE_CHECKING:
-    from repaint_cli.envs.episodes import Column, Episodes
+    from repaint_cli.envs.episodes import Column, Episodes, Parts
     from repaint_cli.envs.logs import LogFormat
     from repaint_cli.envs.racer.dynamics.race import RaceRules
     from repaint_cli.envs.racer.paths import RacerPaths
@@ -40,20 +41,15 @@ class RacerSimulator(RacerSettings):
         from repaint_cli.envs.racer.sight.noise import Noise
         from repaint_cli.envs.racer.track.files import load_track
 
-        amplitudes = None
-        if noise is not None:
-            amplitudes = Noise(
-                noise.action_noise, noise.brightness_noise, noise.pixel_noise, noise.salt_pepper,
-                noise.shift,
-            )  # fmt: skip
-        appearance = None
+        appearance, noisy = None, self.training_noise or not training
         if training and (self.random_light or self.random_colours):
             appearance = RandomAppearance(self.random_light, self.random_colours)
         try:
             return RacerVectorEnv(
-                load_track(self.track, self.waypoints), n_envs, car=self.car, actions=self.actions,
-                sensors=self.sensors, objects=self.objects, crash=self.crash,
-                range_min=self.range_min, max_steps=self.longest_episode(), noise=amplitudes,
+                [load_track(name, self.waypoints) for name in self.tracks], n_envs,
+                car=self.car, actions=self.actions, sensors=self.sensors, objects=self.objects,
+                crash=self.crash, range_min=self.range_min, max_steps=self.longest_episode(),
+                noise=Noise.of(noise) if noise and noisy else None,
                 appearance=appearance, race=self.race_rules(),
                 autoreset_mode=AutoresetMode.DISABLED if one_episode else AutoresetMode.NEXT_STEP,
             )  # fmt: skip
@@ -74,7 +70,7 @@ class RacerSimulator(RacerSettings):
         """Return the time limit, in steps."""
         from repaint_cli.envs.racer.laps import time_limit
 
-        return self.max_steps or time_limit(self.track, self.actions)
+        return self.max_steps or time_limit(self.tracks, self.actions)
 
     def settled(self) -> Self:
         """Return the settings with the time limit that follows; see `Simulator.settled`."""
@@ -87,43 +83,39 @@ class RacerSimulator(RacerSettings):
     def start_options(
         self, n_seeds: int, n_envs: int, iteration: int | None, both_directions: bool
     ) -> dict[str, Any] | None:
-        """Return where S × N episodes start; see `Simulator.start_options`.
-
-        Training starts are evenly after one another, iteration after iteration, as DeepRacer's. By
-        turns means every other one, and from each place the other way the next time round.
-        """
+        """Return where S × N episodes start; see `Simulator.start_options` and `tracks.Starts`."""
+        starts = Starts(len(self.tracks), self.start_offset, self.start_spacing)
         if iteration is None:
-            places = [n / n_envs for n in range(n_envs)]
-            turns = [n % 2 == 1 for n in range(n_envs)]
+            options, turns = starts.evaluation(n_envs)
             by_turns = both_directions
         else:
-            first = (iteration - 1) * n_envs
-            along = [(first + n) * self.start_spacing for n in range(n_envs)]
-            places = [(self.start_offset + place) % 1 for place in along]
-            turns = [(first + n + int(place)) % 2 == 1 for n, place in enumerate(along)]
+            options, turns = starts.training(n_envs, iteration)
             by_turns = self.direction == "alternate"
-        options: dict[str, Any] = {"lap_fraction": places * n_seeds}
         if by_turns or self.direction == "reverse":
-            options["reverse"] = (turns if by_turns else [True] * n_envs) * n_seeds
-        return options
+            options["reverse"] = turns if by_turns else [True] * n_envs
+        return {name: values * n_seeds for name, values in options.items()}
+
+    def even_episodes(self, n: int) -> int:
+        """Return so many episodes or a few more, as many on each track."""
+        return -(-n // len(self.tracks)) * len(self.tracks)
 
     @property
     def records(self) -> tuple[str, ...]:
         """What of the infos of a step is worth keeping, by name."""
-        return (*RECORDS, *OBJECT_RECORDS) if self.objects.n else RECORDS
+        several = (TRACK_RECORD,) * (len(self.tracks) > 1)
+        return (*RECORDS, *OBJECT_RECORDS * (self.objects.n > 0), *several)
 
     def notes(self) -> list[str]:
-        """Return what was mended in the track's file; see `Simulator.notes`."""
+        """Return what was mended in the tracks' files; see `Simulator.notes`."""
         from repaint_cli.envs.racer.laps import notes_on
 
-        return notes_on(self.track)
+        return notes_on(self.tracks)
 
     def doubts(self) -> list[str]:
         """Return actions beyond the car, and laps beyond the limit; see `Simulator.doubts`."""
-        from repaint_cli.envs.racer.laps import doubts_about, no_way_past
+        from repaint_cli.envs.racer.laps import doubts_about
 
-        lines = doubts_about(self.track, self.actions, self.longest_episode())
-        return [*lines, *no_way_past(self.track, self.objects)]
+        return doubts_about(self.tracks, self.actions, self.longest_episode(), self.objects)
 
     # The task
 
@@ -156,22 +148,22 @@ class RacerSimulator(RacerSettings):
 
     @classmethod
     def resolve_files(cls, env: dict[str, Any], folder: Path) -> dict[str, Any]:
-        """Return [env] with the track beside the card, and the settings of its `model_metadata`.
+        """Return [env] with its tracks beside the card, and the settings of its `model_metadata`.
 
         The values of the card override those of its file. See `Simulator.resolve_files`.
         """
         from repaint_cli.envs.racer.deepracer.model_files import read_model_metadata
 
         env = dict(env)
-        if str(env.get("track", "")).endswith(".npy"):
-            env["track"] = str(folder / env["track"])
+        if "track" in env:
+            env["track"] = beside(folder, env["track"])
         if isinstance(env.get("model_metadata"), str):
             return read_model_metadata(folder / env.pop("model_metadata")) | env
         return env
 
     def files(self) -> dict[str, Path]:
-        """Return the track's file, if it is the user's."""
-        return {"track": Path(self.track)} if self.track.endswith(".npy") else {}
+        """Return the tracks' files, where they are the user's."""
+        return files_of(self.tracks)
 
     @property
     def reward_functions(self) -> "RewardFunctions":
@@ -199,25 +191,31 @@ class RacerSimulator(RacerSettings):
 
         return columns(episodes, s)
 
+    def parts(self, episodes: "Episodes", s: int) -> "Parts | None":
+        """Return the episodes by track, where there are several; see `Simulator.parts`."""
+        from repaint_cli.envs.racer.outcomes import parts
+
+        return parts(episodes, s, labels_of(self.tracks))
+
     def outcomes(self, episodes: "Episodes") -> dict[str, Any]:
         """Return progress (%), lap times (s) and how episodes ended, as JSON."""
         from repaint_cli.envs.racer.outcomes import outcomes
 
-        return outcomes(episodes)
+        return outcomes(episodes, labels_of(self.tracks))
 
     # Paths, films, logs
 
     @property
     def place(self) -> str:
-        """The track."""
-        return self.track
+        """The track, or all of them."""
+        return ", ".join(self.tracks)
 
     @property
     def paths(self) -> "RacerPaths":
         """The cars' paths."""
         from repaint_cli.envs.racer.paths import RacerPaths
 
-        return RacerPaths(self.track)
+        return RacerPaths(self.tracks)
 
     filmed_episodes: ClassVar[int] = 1
     films_observations: ClassVar[bool] = True

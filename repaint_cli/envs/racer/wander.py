@@ -3,8 +3,8 @@
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
+from repaint_cli.envs.racer.deepracer.params import params_in
 from repaint_cli.envs.racer.deepracer.reward_file import RewardFunction
 from repaint_cli.envs.racer.dynamics.commands import commands_for
 from repaint_cli.envs.racer.dynamics.directions import Rows
@@ -30,7 +30,7 @@ EXPLORATION = 0.1
 def wander(
     fleet: Fleet, commands: Floats, n_steps: int, seed: int
 ) -> Iterator[tuple[Rows, Floats, Floats]]:
-    """Drive all cars of a fleet for some steps, from places all over the lap.
+    """Drive all cars of a fleet for some steps, from places all over the lap, on all its tracks.
 
     A car whose episode has ended begins another.
 
@@ -47,7 +47,7 @@ def wander(
     n, rng = len(fleet.states), np.random.default_rng(seed)
     rngs = rng.spawn(n)
     rows, reverse = np.arange(n), np.zeros(n, np.bool_)
-    fleet.start(rows, rng.random(n), reverse, rngs)
+    fleet.start(rows, rng.random(n), reverse, rngs, rows % len(fleet.tracks))
     for t in range(n_steps):
         if t % STEPS_PER_AIM == 0:
             aims, speeds = (
@@ -62,20 +62,16 @@ def wander(
         yield rows, commands[chosen], fleet.drive(rows, commands[chosen])
 
 
-def steering_to(fleet: Fleet, aims: Floats, reverse: NDArray[np.bool_] | None = None) -> Floats:
+def steering_to(fleet: Fleet, aims: Floats) -> Floats:
     """Return the angles that lead to places ahead, aside by `aims` (N,) widths, (N,) rad.
 
     Args:
         fleet: N cars.
         aims: to the left, in widths of the road.
-        reverse: which cars drive the other way, (N,); none where absent.
     """
-    track, state = fleet.track, fleet.report()
-    ahead = fleet.lap_fractions + LOOK_AHEAD / track.length
-    points, headings = track.pose_at(ahead)
-    if reverse is not None and reverse.any():
-        points[reverse], headings[reverse] = track.reversed().pose_at(ahead[reverse])
-    aside = aims * track.width
+    roads, state = fleet.directions, fleet.report()
+    points, headings = roads.poses_at(fleet.lap_fractions + LOOK_AHEAD / roads.each("length"))
+    aside = aims * roads.each("width")
     to_x = points[:, 0] - aside * np.sin(headings) - state["x"]
     to_y = points[:, 1] + aside * np.cos(headings) - state["y"]
     angle = np.arctan2(to_y, to_x) - state["heading"]
@@ -102,9 +98,9 @@ def sample_rewards(
     Raises:
         CardError: the function failed, or [env] is refused.
     """
-    track = load_track(env.track, env.waypoints)
+    tracks = [load_track(name, env.waypoints) for name in env.tracks]
     try:
-        fleet = Fleet(track, N_CARS, env.car, env.longest_episode(), env.objects, env.crash)
+        fleet = Fleet(tracks, N_CARS, env.car, env.longest_episode(), env.objects, env.crash)
     except ValueError as error:
         raise CardError(f"[env]: {error}") from error
     functions = [RewardFunction(name, source) for _ in range(N_CARS)]
@@ -114,5 +110,7 @@ def sample_rewards(
         terms = fleet.terms(rows, gained)
         names = list(terms)
         phi.append(np.stack([*terms.values()], axis=1))
-        rewards += [functions[row](fleet.params(row, chosen[row]), row) for row in rows.tolist()]
+        rewards += [
+            functions[row](params_in(fleet, row, chosen[row]), row) for row in rows.tolist()
+        ]
     return np.concatenate(phi), np.array(rewards), names

@@ -48,7 +48,7 @@ def start(
     env = card.make_env(
         len(seeds) * n_envs,
         one_episode=one_episode,
-        noise=card.eval if noise or (card.env.noise_in_training and not spread) else None,
+        noise=card.eval if noise or not spread else None,
         training=not spread,
         replayable=replayable,
         functions=functions,

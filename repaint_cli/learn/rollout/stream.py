@@ -8,8 +8,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from repaint_cli.envs.episodes import BegunEpisode
 from repaint_cli.envs.reward_terms import RewardTerms
-from repaint_cli.envs.simulator import BegunEpisode
 from repaint_cli.errors import CardError
 from repaint_cli.learn.rollout.collect import Policy, clip, collect, start
 from repaint_cli.learn.rollout.storage import Rollout

@@ -13,12 +13,13 @@ from numpy.typing import NDArray
 
 from repaint_cli.envs.racer.deepracer.params import CarState
 from repaint_cli.envs.racer.deepracer.simtrace_reader import LoggedEpisode, read_episodes
+from repaint_cli.envs.racer.deepracer.which_track import track_driven
 from repaint_cli.envs.racer.dynamics.car import CAR_POINTS, FRONT_OFFSET, STEP_SECONDS
 from repaint_cli.envs.racer.dynamics.fleet import OPEN_START
 from repaint_cli.envs.racer.dynamics.rules import progress_since
 from repaint_cli.envs.racer.track.geometry import NDIST, WHEELS_ON, Floats, measure
 from repaint_cli.envs.racer.track.track import Track
-from repaint_cli.errors import CardError, NotFound
+from repaint_cli.errors import CardError, NotFound, some
 
 OTHER_LENGTH = 0.01
 """Of a track: from this share on, a log that says another length is of another track."""
@@ -87,13 +88,13 @@ class DrivenEpisode:
         )
 
 
-def read_driven(path: Path, track: Track) -> list[DrivenEpisode]:
-    """Read the episodes of a log, and measure them on the track that they were driven on.
+def read_driven(path: Path, tracks: Sequence[Track]) -> list[DrivenEpisode]:
+    """Read the episodes of a log, and measure each on that of a card's tracks that it drove.
 
     Raises:
         CheckpointError: the file cannot be read or is damaged.
         NotFound: it holds no episode.
-        CardError: it is of another track.
+        CardError: an episode is of another track.
     """
     episodes = read_episodes(path)
     if not episodes:
@@ -101,18 +102,34 @@ def read_driven(path: Path, track: Track) -> list[DrivenEpisode]:
             f"{path}: expected a simtrace (.csv) or a text with lines SIM_TRACE_LOG:…, found no "
             "step of an episode"
         )
-    for episode in episodes:
-        if abs(episode.track_length - track.length) > OTHER_LENGTH * track.length:
-            raise CardError(
-                f"{path}: its track is {episode.track_length:.2f} m long, and the card's, "
-                f"'{track.name}', {track.length:.2f} m; name the log's track in [env]"
-            )
-    roads = track, track.reversed()
+    roads = [(track, track.reversed()) for track in tracks]
     clocks = (np.abs(np.diff(episode.seconds) - STEP_SECONDS) for episode in episodes)
     ours = all(clock.max(initial=0) < CLOCK for clock in clocks)
-    driven = [_driven(path, episode, roads, ours) for episode in episodes]
-    _check_track(path, driven, track)
+    which = [_which_track(path, episode, tracks) for episode in episodes]
+    driven = [_driven(path, one, roads[t], ours) for one, t in zip(episodes, which, strict=True)]
+    for t in sorted(set(which)):
+        own = [one for one, of in zip(driven, which, strict=True) if of == t]
+        _check_track(path, own, tracks[t])
     return driven
+
+
+def _which_track(path: Path, logged: LoggedEpisode, tracks: Sequence[Track]) -> int:
+    """Return which of a card's tracks an episode drove, from 0.
+
+    Raises:
+        CardError: none of them is as long as the log says.
+    """
+    length = logged.track_length
+    fits = [
+        t for t, one in enumerate(tracks) if abs(length - one.length) <= OTHER_LENGTH * one.length
+    ]
+    if fits:
+        return fits[track_driven(logged.trace, [tracks[t] for t in fits])]
+    named = some([f"'{track.name}', {track.length:.2f} m" for track in tracks], between=" and ")
+    raise CardError(
+        f"{path}: its track is {length:.2f} m long, and the card's, {named}; name the log's track "
+        "in [env]"
+    )
 
 
 def _driven(

@@ -8,7 +8,11 @@ from typing import Any
 import numpy as np
 
 from repaint_cli.envs.racer.dynamics.bots import SIDE, YAW, X, Y
+from repaint_cli.envs.racer.dynamics.car import STEP_SECONDS
+from repaint_cli.envs.racer.dynamics.car import YAW as HEADING
 from repaint_cli.envs.racer.dynamics.encounters import NEXT_SEEN
+from repaint_cli.envs.racer.dynamics.fleet import Fleet
+from repaint_cli.envs.racer.dynamics.rules import CRASHED
 from repaint_cli.envs.racer.track.geometry import (
     CENTRE_GAP,
     INNER_GAP,
@@ -55,6 +59,35 @@ class CarState:
     """`encounters.meet`'s answer, (6,)."""
 
 
+def params_in(fleet: Fleet, row: int, chosen: Floats) -> dict[str, Any]:
+    """Return the `params` of the current state of one of a fleet's cars.
+
+    Args:
+        fleet: of the car.
+        row: which car.
+        chosen: steering (rad) and speed (m/s) of the last step's action, (2,).
+    """
+    objects, steps = fleet.objects, int(fleet.counters.steps[row])
+    return params_of(
+        CarState(
+            road=fleet.directions.road_of(row),
+            is_reversed=bool(fleet.directions.reverse[row]),
+            front=fleet.fronts[row],
+            yaw=float(fleet.states[row, HEADING]),
+            chosen=chosen,
+            measures=fleet.measures[row],
+            progress=float(fleet.progress[row]),
+            steps=steps,
+            seconds=steps * STEP_SECONDS,
+            crashed=bool(fleet.status[row] == CRASHED),
+            poses=objects.poses[row] if objects else np.empty((0, 4)),
+            objects_along=objects.along[row] if objects else np.empty(0),
+            objects_speed=objects.speed if objects else 0.0,
+            encounter=fleet.encounters[row],
+        )
+    )
+
+
 def params_of(car: CarState) -> dict[str, Any]:
     """Return all 27 keys; lengths in m, angles in degrees but for `objects_heading`, in radians."""
     road, m = car.road, car.measures
@@ -91,12 +124,12 @@ def closest_waypoints(road: Track, along: float) -> list[int]:
     return [after - 1, after if after < len(places) else 0]
 
 
-@lru_cache(maxsize=16)
+@lru_cache(maxsize=256)
 def _waypoints(road: Track) -> tuple[tuple[float, float], ...]:
     return tuple((x, y) for x, y in road.waypoints[0].tolist())
 
 
-@lru_cache(maxsize=16)
+@lru_cache(maxsize=256)
 def _places(road: Track) -> tuple[float, ...]:
     return tuple(road.waypoints[1].tolist())
 

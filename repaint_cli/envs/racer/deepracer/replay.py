@@ -36,12 +36,12 @@ def replay(
 ) -> Replay:
     """Pay the episodes of logs by another reward; see `LogFormat.replay`."""
     files, notes = find_logs(logs)
-    track = load_track(env.track, env.waypoints)
+    tracks = [load_track(name, env.waypoints) for name in env.tracks]
     pay: Pay = FunctionPay(*code) if code else TermsPay(weights, TERMS)
     output, parts = CountedPrints(), list[tuple[ReplayedEpisode, Floats, Floats]]()
     with output_to(output), captured():
         for file in files:
-            parts += [_replayed(file, episode, pay) for episode in read_driven(file.path, track)]
+            parts += [_replayed(file, episode, pay) for episode in read_driven(file.path, tracks)]
     keys = sorted(set(OBJECT_KEYS.findall(code[1]))) if code else []
     if keys or env.objects.n:
         named = f": {', '.join(keys)} in params say that there are none" if keys else ""

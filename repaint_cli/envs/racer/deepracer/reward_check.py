@@ -9,6 +9,7 @@ from time import perf_counter
 import numpy as np
 
 from repaint_cli.envs.output import CountedPrints, captured, output_to
+from repaint_cli.envs.racer.deepracer.params import params_in
 from repaint_cli.envs.racer.deepracer.reward_file import RewardFunction
 from repaint_cli.envs.racer.dynamics.car import YAW
 from repaint_cli.envs.racer.dynamics.commands import commands_for
@@ -28,7 +29,7 @@ N_CARS, N_STEPS = 64, 200
 MAX_ASIDE = 1.0
 """Farthest aim beside the centre line, in widths of the road; beyond 0.5 is off the road."""
 LAP_CARS = 8
-"""As many of them keep to the middle instead, to the end of a lap."""
+"""As many of them, or four on each track, keep to the middle instead, to the end of a lap."""
 LAP_STEPS, LAP_SPEED = 4000, 1.0
 """They take so many steps at most, and of the listed speeds the greatest up to this, m/s."""
 SECONDS = 15.0
@@ -40,7 +41,7 @@ SLOW = 2e-3
 
 
 class _Drive:
-    """64 cars; every other one in the other direction, every other two of them with noise."""
+    """64 cars on all tracks; every other one in the other direction, every other two with noise."""
 
     def __init__(self, env: RacerSimulator, seed: int = 0) -> None:
         """Put the cars on the road.
@@ -48,10 +49,10 @@ class _Drive:
         Raises:
             CardError: [env] is refused.
         """
-        track = load_track(env.track, env.waypoints)
+        tracks = [load_track(name, env.waypoints) for name in env.tracks]
         steps = env.longest_episode()
         try:
-            self.fleet = Fleet(track, N_CARS, env.car, steps, env.objects, env.crash)
+            self.fleet = Fleet(tracks, N_CARS, env.car, steps, env.objects, env.crash)
         except ValueError as error:
             raise CardError(f"[env]: {error}") from error
         cars = np.arange(N_CARS)
@@ -59,7 +60,10 @@ class _Drive:
         self._rng = np.random.default_rng(seed)
         self._rngs = self._rng.spawn(N_CARS)
         self._reverse, self._noisy = cars % 2 == 1, cars // 2 % 2 == 1
-        self._laps = cars < LAP_CARS
+        n = len(tracks)
+        self._tracks = (cars // 4 if 4 * n <= N_CARS else cars) % n  # each in all the ways above
+        self._n_lap_cars = max(LAP_CARS, min(4 * n, N_CARS // 2))
+        self._laps = cars < self._n_lap_cars
         self._astray = ~self._laps & (cars % 4 == 0)  # these do not start along the road
         speeds = self._commands[:, 1]
         self._lap_speed = max(speeds[speeds <= LAP_SPEED], default=speeds.min())
@@ -69,7 +73,8 @@ class _Drive:
         self._start(cars)
 
     def _start(self, rows: Rows) -> None:
-        self.fleet.start(rows, self._rng.random(N_CARS), self._reverse, self._rngs)
+        places = self._rng.random(N_CARS)
+        self.fleet.start(rows, places, self._reverse, self._rngs, self._tracks)
         astray = rows[self._astray[rows]]
         turns = self._rng.uniform(-np.pi, np.pi, len(astray))
         self.fleet.states[astray, YAW] += turns
@@ -84,7 +89,7 @@ class _Drive:
         rows = np.arange(N_CARS) if t < N_STEPS else np.flatnonzero(self._laps)
         ended = np.flatnonzero(fleet.status != IN_PROGRESS)
         self._start(np.intersect1d(rows, ended))
-        angles = steering_to(fleet, self._aims, self._reverse)
+        angles = steering_to(fleet, self._aims)
         chosen = nearest(self._commands, angles, self._speeds)
         explores = ~self._laps & (self._rng.random(N_CARS) < EXPLORATION)
         chosen[explores] = self._rng.integers(len(self._commands), size=explores.sum())
@@ -100,7 +105,7 @@ class _Drive:
 
     def is_enough(self, t: int) -> bool:
         """Return whether after t steps nothing new is to be expected."""
-        return t >= N_STEPS and (2 * self.n_laps >= LAP_CARS or t >= LAP_STEPS)
+        return t >= N_STEPS and (2 * self.n_laps >= self._n_lap_cars or t >= LAP_STEPS)
 
 
 def check_function(env: RacerSimulator, name: str, source: str) -> FunctionCheck:
@@ -123,7 +128,7 @@ def check_function(env: RacerSimulator, name: str, source: str) -> FunctionCheck
             rows, chosen = drive.step(t)
             t += 1
             for row in rows.tolist():
-                params = drive.fleet.params(row, chosen[row])
+                params = params_in(drive.fleet, row, chosen[row])
                 before = perf_counter()
                 try:
                     paid.append(functions[row](params, row))

@@ -57,7 +57,7 @@ class Simtrace:
         """
         self.folder = folder
         self._per_iteration = run.ppo.n_episodes or 0
-        self._length = load_track(env.track).length
+        self._lengths = [load_track(name).length for name in env.tracks]
         self._clock, self._episodes = 0.0, 0
         self._metrics = TrainingMetrics(folder / METRICS_FILE)
         self._text = TextLog(folder / TEXT_FILE)
@@ -177,6 +177,7 @@ class Simtrace:
     def _rows(self, episode: int, trace: Trace) -> Iterator[tuple[Any, ...]]:
         """Yield the rows of an episode; the first is "prepare", where the tools start the clock."""
         last, now = len(trace) - 1, f"{time():.3f}"
+        length = self._lengths[trace.track]
         for t in range(len(trace)):
             status = trace.status if t == last else "in_progress" if t else "prepare"
             yield (
@@ -184,7 +185,7 @@ class Simtrace:
                 f"{trace.yaw[t]:.4f}", f"{trace.steer[t]:.2f}", f"{trace.throttle[t]:.2f}",
                 trace.action[t], f"{trace.reward[t]:.6g}",
                 t == last and trace.status != "in_progress", bool(trace.all_wheels_on_track[t]),
-                f"{trace.progress[t]:.4f}", trace.closest_waypoint[t], f"{self._length:.4f}",
+                f"{trace.progress[t]:.4f}", trace.closest_waypoint[t], f"{length:.4f}",
                 f"{self._clock + t * STEP_SECONDS:.4f}", status, "0.0", trace.crashes[t], now,
             )  # fmt: skip
 

@@ -127,7 +127,11 @@ def _episode(rows: Iterator[dict[str, str]]) -> LoggedEpisode:
         raise ValueError("expected numbers within 2^53")
     whole = dict(zip(names, table.T, strict=True))
     trace = Trace(
-        **{name.lower(): whole[name] for name in ("X", "Y", "yaw", "steer", "throttle")},
+        x=whole["X"],
+        y=whole["Y"],
+        yaw=whole["yaw"],
+        steer=whole["steer"],
+        throttle=whole["throttle"],
         action=whole["action"].astype(int),
         reward=whole["reward"],
         all_wheels_on_track=whole["on"] == 1,

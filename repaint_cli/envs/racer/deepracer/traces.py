@@ -11,7 +11,7 @@ import numpy as np
 from repaint_cli.envs.episodes import Steps
 from repaint_cli.envs.racer.actions import Actions
 from repaint_cli.envs.racer.dynamics.commands import Commands, commands_for
-from repaint_cli.envs.racer.names import STATUS
+from repaint_cli.envs.racer.names import STATUS, TRACK_RECORD
 
 
 @dataclass(frozen=True)
@@ -42,6 +42,8 @@ class Trace:
     """How often the car has touched another by then."""
     status: str
     """How the episode ended, a name in the racer's STATUS."""
+    track: int = 0
+    """Which of the tracks it drove."""
 
     def __len__(self) -> int:
         return len(self.x)
@@ -89,4 +91,5 @@ def _trace(
         closest_waypoint=at["waypoint"].astype(int),
         crashes=(np.diff(hit, prepend=0) > 0).cumsum(),
         status=STATUS[int(at["status"][-1])],
+        track=int(at[TRACK_RECORD][-1]) if TRACK_RECORD in at else 0,
     )

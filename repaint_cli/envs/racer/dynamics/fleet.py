@@ -1,4 +1,4 @@
-"""N cars on one track, each alone with its objects: their states, dynamics and episodes. SI.
+"""N cars on their tracks, each alone with its objects: their states, dynamics and episodes. SI.
 
 Methods take row numbers (K,), so that parked cars cost nothing.
 """
@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from repaint_cli.envs.racer.deepracer.params import CarState, params_of
 from repaint_cli.envs.racer.dynamics.bots import SIDE
 from repaint_cli.envs.racer.dynamics.car import (
     CAR_POINTS,
@@ -20,11 +19,10 @@ from repaint_cli.envs.racer.dynamics.car import (
     YAW,
     drive_rows,
 )
-from repaint_cli.envs.racer.dynamics.directions import Directions, Rows
+from repaint_cli.envs.racer.dynamics.directions import Directions, Rows, several
 from repaint_cli.envs.racer.dynamics.encounters import AT_FAULT, CAR_BODY, HIT, NEXT, meet
 from repaint_cli.envs.racer.dynamics.objects import Objects, ObjectSettings
 from repaint_cli.envs.racer.dynamics.rules import (
-    CRASHED,
     IN_PROGRESS,
     Counters,
     progress_since,
@@ -46,18 +44,13 @@ class Fleet:
     """The states of N cars; the attributes are (N, …) arrays that the methods change in place."""
 
     def __init__(
-        self,
-        track: Track,
-        n: int,
-        car: str,
-        max_steps: int,
-        objects: ObjectSettings = NOTHING,
-        crash: str = "any",
-    ) -> None:
+        self, track: Track | Sequence[Track], n: int, car: str, max_steps: int,
+        objects: ObjectSettings = NOTHING, crash: str = "any",
+    ) -> None:  # fmt: skip
         """Make N cars with a profile's dynamics, and their objects; `start` puts them on the road.
 
         Args:
-            track: where they drive.
+            track: where they drive, one or several; all begin on the first.
             n: N.
             car: a name in `CAR_PROFILES`.
             max_steps: time limit of an episode, steps.
@@ -66,16 +59,16 @@ class Fleet:
                 "at-fault" in; with a box every one does.
 
         Raises:
-            ValueError: there are objects, and the track is open.
+            ValueError: there are objects, and a track is open.
         """
-        if objects.n and not track.closed:
+        self.tracks = several(track)
+        """Where they drive."""
+        if objects.n and (ends := [road.name for road in self.tracks if not road.closed]):
             what = "boxes" if objects.boxes else "bots"
-            raise ValueError(
-                f"expected a closed track for {what}, found '{track.name}', an open one"
-            )
-        self.track = track
+            raise ValueError(f"expected a closed track for {what}, found '{ends[0]}', an open one")
         self.objects = Objects(n, objects) if objects.n else None
-        self._directions = Directions(track, n)
+        self.directions = Directions(self.tracks, n)
+        """Which track each car drives, in which direction."""
         self.states = np.zeros((n, 5))
         """X, Y, YAW, SPEED, STEERING."""
         self.status = np.full(n, IN_PROGRESS)
@@ -83,13 +76,17 @@ class Fleet:
         self._car = CAR_PROFILES[car].constants()
         self._max_steps = max_steps
         self._commands = np.zeros((n, 2))  # of the last step
-        self._fronts = np.zeros((n, 2))
+        self.fronts = np.zeros((n, 2))
+        """Front points, m."""
         self.measures = np.zeros((n, 6))
         """`geometry.locate`'s answers."""
         self._starts = np.zeros(n)  # lap fractions
-        self._progress = np.zeros(n)  # percent
-        self._counters = Counters.zeros(n)
-        self._encounters = np.zeros((n, 6))
+        self.progress = np.zeros(n)
+        """Of the lap, percent."""
+        self.counters = Counters.zeros(n)
+        """Steps and troubles of their episodes."""
+        self.encounters = np.zeros((n, 6))
+        """`encounters.meet`'s answers."""
         self._lens = lens()
         self._any_crash = objects.boxes or crash == "any"
 
@@ -99,6 +96,7 @@ class Fleet:
         lap_fractions: Floats,
         reverse: NDArray[np.bool_],
         rngs: Sequence[np.random.Generator],
+        tracks: Rows | None = None,
     ) -> None:
         """Start episodes: cars at rest on the centre line and along it, their objects on the road.
 
@@ -110,20 +108,23 @@ class Fleet:
             lap_fractions: where cars start, in their own direction, (N,).
             reverse: whether a car drives the track the other way, (N,).
             rngs: each car's own generator, which places its objects, (N,).
+            tracks: which track a car drives, (N,); the one that it drove where absent.
         """
-        self._starts[rows] = lap_fractions[rows] if self.track.closed else 0.0
-        if not self.track.closed:
-            lap_fractions = np.full(len(lap_fractions), OPEN_START / self.track.length)
-        self._directions.reverse[rows] = reverse[rows]
+        if tracks is not None:
+            self.directions.track[rows] = tracks[rows]
+        self.directions.reverse[rows] = reverse[rows]
         self.states[rows] = 0.0
-        for road, own in self._directions.by_road(rows):
-            points, self.states[own, YAW] = road.pose_at(lap_fractions[own])
+        for road, own in self.directions.by_road(rows):
+            start = np.full(len(own), OPEN_START / road.length)
+            places = lap_fractions[own] if road.closed else start
+            self._starts[own] = lap_fractions[own] if road.closed else 0.0
+            points, self.states[own, YAW] = road.pose_at(places)
             if self.objects:
                 self.objects.start(road, own, [rngs[row] for row in own])
-                points = self.objects.free_points(road, own, lap_fractions[own] * road.length)
+                points = self.objects.free_points(road, own, places * road.length)
             self.states[own, :2] = points
         self._commands[rows] = 0.0
-        self._counters.clear(rows)
+        self.counters.clear(rows)
         self.status[rows] = IN_PROGRESS
         self._measure(rows, np.zeros(len(rows)))
         self._meet(rows)
@@ -138,36 +139,31 @@ class Fleet:
         Returns:
             the progress gained, (N,), percent; 0 for other cars.
         """
-        places, before = self.states[rows, :2], self._progress[rows]
+        places, before = self.states[rows, :2], self.progress[rows]
         drive_rows(rows, self.states, self._commands, commands, self._car, STEP_SECONDS)
         self._commands[rows] = commands[rows]
         self._measure(rows, before)
         gained = np.zeros(len(self.states))
-        gained[rows] = self._progress[rows] - before
+        gained[rows] = self.progress[rows] - before
         moved = np.hypot(*(self.states[rows, :2] - places).T)
-        self._counters.count(rows, moved, gained[rows])
+        self.counters.count(rows, moved, gained[rows])
         if self.objects:
-            for road, own in self._directions.by_road(rows):
+            for road, own in self.directions.by_road(rows):
                 self.objects.drive(road, own, STEP_SECONDS)
         crashed = self._meet(rows)
-        status = status_of(self.measures, self._progress, self._counters, self._max_steps, crashed)
+        status = status_of(self.measures, self.progress, self.counters, self._max_steps, crashed)
         self.status[rows] = status[rows]
         return gained
 
-    def begin_lap(self, rows: Rows) -> None:
-        """Let these cars (K,), which completed a lap, drive on into the next."""
-        self.status[rows] = IN_PROGRESS
-        self._progress[rows] = 0.0
-
     def put_back(self, row: int, point: Floats, along: float) -> None:
         """Put a car at rest on a point (2,), along the road at an arclength, m; it goes on."""
-        road, rows = self.road_of(row), np.array([row])
+        road, rows = self.directions.road_of(row), np.array([row])
         _, self.states[rows, YAW] = road.pose_at(np.array([along / road.length]))
         self.states[row, :2] = point
         self.states[row, [SPEED, STEERING]] = self._commands[row] = 0.0
-        self._counters.clear_trouble(rows)
+        self.counters.clear_trouble(rows)
         self.status[row] = IN_PROGRESS
-        self._measure(rows, self._progress[rows])
+        self._measure(rows, self.progress[rows])
         self._meet(rows)
 
     def terms(self, rows: Rows, gained: Floats) -> dict[str, Any]:
@@ -181,14 +177,10 @@ class Fleet:
         drove[rows] = 1.0
         terms = reward_terms(self.measures, gained, self.status)
         if self.objects:
-            after = self._encounters[:, NEXT].astype(np.int64)
+            after = self.encounters[:, NEXT].astype(np.int64)
             sides = self.objects.poses[np.arange(len(after)), after, SIDE]
-            terms |= traffic_terms(self._encounters, sides, terms["lane"])
+            terms |= traffic_terms(self.encounters, sides, terms["lane"])
         return {name: term * drove for name, term in terms.items()}
-
-    def road_of(self, row: int) -> Track:
-        """Return the track in the direction that a car drives it."""
-        return self._directions.road_of(row)
 
     @property
     def lap_fractions(self) -> Floats:
@@ -202,49 +194,24 @@ class Fleet:
         car touches one as "hit".
         """
         state = {
-            "x": self._fronts[:, 0].copy(),
-            "y": self._fronts[:, 1].copy(),
+            "x": self.fronts[:, 0].copy(),
+            "y": self.fronts[:, 1].copy(),
             "heading": self.states[:, YAW].copy(),
             "speed": self.states[:, SPEED].copy(),
             "steering": self.states[:, STEERING].copy(),
-            "progress": self._progress.copy(),
-            "lap_time": self._counters.steps * STEP_SECONDS,
+            "progress": self.progress.copy(),
+            "lap_time": self.counters.steps * STEP_SECONDS,
             "wheels_on": self.measures[:, WHEELS_ON].copy(),
-            "waypoint": self._directions.nearest_waypoints(self.lap_fractions),
+            "waypoint": self.directions.nearest_waypoints(self.lap_fractions),
             "status": self.status.astype(np.float64),
         }
+        if len(self.tracks) > 1:
+            state["track"] = self.directions.track.astype(np.float64)
         if self.objects is None:
             return state
         return state | {
-            "objects": self.objects.poses[..., :SIDE].copy(), "hit": self._encounters[:, HIT].copy()
+            "objects": self.objects.poses[..., :SIDE].copy(), "hit": self.encounters[:, HIT].copy()
         }  # fmt: skip
-
-    def params(self, row: int, chosen: Floats) -> dict[str, Any]:
-        """Return DeepRacer's `params` of one car's current state.
-
-        Args:
-            row: which car.
-            chosen: steering (rad) and speed (m/s) of the last step's action, (2,).
-        """
-        objects = self.objects
-        return params_of(
-            CarState(
-                road=self.road_of(row),
-                is_reversed=bool(self._directions.reverse[row]),
-                front=self._fronts[row],
-                yaw=float(self.states[row, YAW]),
-                chosen=chosen,
-                measures=self.measures[row],
-                progress=float(self._progress[row]),
-                steps=int(self._counters.steps[row]),
-                seconds=float(self._counters.steps[row] * STEP_SECONDS),
-                crashed=bool(self.status[row] == CRASHED),
-                poses=objects.poses[row] if objects else np.empty((0, 4)),
-                objects_along=objects.along[row] if objects else np.empty(0),
-                objects_speed=objects.speed if objects else 0.0,
-                encounter=self._encounters[row],
-            )
-        )
 
     def _meet(self, rows: Rows) -> NDArray[np.bool_]:
         """Update the encounters of these cars (K,) with objects; return who crashed, (N,).
@@ -253,27 +220,23 @@ class Fleet:
         """
         if self.objects is None:
             return np.zeros(len(self.states), np.bool_)
-        along = self.measures[:, NDIST] * self.track.length
-        meet(
-            rows, self.states, along, self.track.length, self.objects.poses,
-            self.objects.along, CAR_BODY, self.objects.body, self._lens, self._encounters,
-        )  # fmt: skip
-        hit = self._encounters[:, HIT] > 0
-        crashed = hit & (self._any_crash | (self._encounters[:, AT_FAULT] > 0))
+        for track, own in self.directions.by_track(rows):
+            length = self.tracks[track].length
+            meet(
+                own, self.states, self.lap_fractions * length, length, self.objects.poses,
+                self.objects.along, CAR_BODY, self.objects.body, self._lens, self.encounters,
+            )  # fmt: skip
+        hit = self.encounters[:, HIT] > 0
+        crashed = hit & (self._any_crash | (self.encounters[:, AT_FAULT] > 0))
         self.objects.pause(rows[(hit & ~crashed)[rows]])
         return crashed
 
     def _measure(self, rows: Rows, progress_before: Floats) -> None:
         """Update the positions on the track, and the progress, of these cars (K,)."""
-        for road, own in self._directions.by_road(rows):
+        for road, own in self.directions.by_road(rows):
             measure(
-                own,
-                self.states,
-                CAR_POINTS,
-                *road.lines,
-                *road.outline,
-                self._fronts,
+                own, self.states, CAR_POINTS, *road.lines, *road.outline, self.fronts,
                 self.measures,
-            )
+            )  # fmt: skip
         ndist = self.measures[rows, NDIST]
-        self._progress[rows] = progress_since(ndist, self._starts[rows], progress_before)
+        self.progress[rows] = progress_since(ndist, self._starts[rows], progress_before)

@@ -15,6 +15,7 @@ from repaint_cli.envs.racer.dynamics.objects import START_ROOM
 from repaint_cli.envs.racer.dynamics.rules import (
     CRASHED,
     IMMOBILIZED,
+    IN_PROGRESS,
     LAP_COMPLETE,
     OFF_TRACK,
     REVERSED,
@@ -62,7 +63,8 @@ class Race:
         """Let those of these cars (K,) that ended a lap or had a mishap go on, if they may."""
         finished = rows[fleet.status[rows] == LAP_COMPLETE]
         self.laps[finished] += 1
-        fleet.begin_lap(finished[self.laps[finished] < self.rules.laps])
+        going_on = finished[self.laps[finished] < self.rules.laps]
+        fleet.status[going_on], fleet.progress[going_on] = IN_PROGRESS, 0.0
         for status, seconds in self._costs.items():
             stopped = rows[fleet.status[rows] == status]
             self.penalties[stopped] += seconds
@@ -77,7 +79,7 @@ class Race:
 
     def _place(self, fleet: Fleet, row: int) -> tuple[Floats, float]:
         """Return where a car is put back: the point, (2,), m, and the arclength, m."""
-        road, measures = fleet.road_of(row), fleet.measures[row]
+        road, measures = fleet.directions.road_of(row), fleet.measures[row]
         along = float(measures[NDIST]) * road.length
         side = 1.0 if measures[INNER_GAP] < measures[OUTER_GAP] else -1.0
         if fleet.objects is not None:

@@ -43,7 +43,7 @@ class Ground:
     """The walls: least x, least y, greatest x, greatest y, (4,), m."""
 
 
-@lru_cache(maxsize=8)
+@lru_cache(maxsize=64)
 def ground_of(track: Track) -> Ground:
     """Paint a track, or return it from the cache: environments of one track share their ground."""
     edge, _ = track.outline

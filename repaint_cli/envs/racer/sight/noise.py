@@ -1,9 +1,12 @@
 """Small disturbances for robust evaluation: of a car's commands and of its images."""
 
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
+
+from repaint_cli.settings import EvalConfig
 
 
 @dataclass(frozen=True)
@@ -20,6 +23,14 @@ class Noise:
     """Fraction of pixels that turn black or white."""
     shift: int = 1
     """An image moves by U{−s, …, s} pixels along each axis; its edge repeats."""
+
+    @classmethod
+    def of(cls, config: EvalConfig) -> Self:
+        """Return the sizes that a card gives."""
+        return cls(
+            config.action_noise, config.brightness_noise, config.pixel_noise, config.salt_pepper,
+            config.shift,
+        )  # fmt: skip
 
     def __post_init__(self) -> None:
         for name in ("action", "brightness", "salt_pepper"):

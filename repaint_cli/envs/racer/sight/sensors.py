@@ -8,7 +8,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from repaint_cli.envs.racer.dynamics.directions import Rows
+from repaint_cli.envs.racer.dynamics.directions import Rows, several
 from repaint_cli.envs.racer.dynamics.fleet import Fleet
 from repaint_cli.envs.racer.dynamics.objects import ObjectSettings
 from repaint_cli.envs.racer.names import BEAMS
@@ -49,18 +49,13 @@ class Sensors:
     """The sensors of all cars of a fleet."""
 
     def __init__(
-        self,
-        track: Track,
-        kind: str,
-        range_min: float,
-        noise: Noise | None,
-        threads: int,
-        appearance: RandomAppearance | None = None,
-    ) -> None:
+        self, track: Track | Sequence[Track], kind: str, range_min: float, noise: Noise | None,
+        threads: int, appearance: RandomAppearance | None = None,
+    ) -> None:  # fmt: skip
         """Build them.
 
         Args:
-            track: that the cars drive.
+            track: that the cars drive, one or several.
             kind: one of `SENSORS`.
             range_min: the lidar's least reading, m.
             noise: disturbances of the images, or None.
@@ -70,8 +65,8 @@ class Sensors:
         self._eye_offsets = EYE_OFFSETS if kind.startswith("camera") else STEREO_EYE_OFFSETS
         self._has_lidar = kind.endswith("lidar")
         self._range_min = range_min
-        ground = ground_of(track)
-        self._ground = (row_table(), ground.levels, ground.origin, ground.field, WALLS)
+        grounds = [ground_of(road) for road in several(track)]
+        self._grounds = [(row_table(), g.levels, g.origin, g.field, WALLS) for g in grounds]
         self._lens = lens()
         self._noise = noise
         self._appearance = appearance
@@ -123,7 +118,8 @@ class Sensors:
         images: NDArray[np.uint8],
     ) -> None:
         for channel, offset in enumerate(self._eye_offsets):
-            render_rows(rows, fleet.states, offset, *self._ground, images, channel)
+            for track, own in fleet.directions.by_track(rows):
+                render_rows(own, fleet.states, offset, *self._grounds[track], images, channel)
             if fleet.objects is not None:
                 boxes.draw_rows(
                     rows, fleet.states, fleet.objects.poses, body_of(fleet.objects.settings),
