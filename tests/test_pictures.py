@@ -60,7 +60,9 @@ def test_paths_have_the_colour_asked_for_and_their_ends(plotted, tmp_path, colou
 def test_a_trainings_pictures_are_drawn_from_its_logs(plotted, tmp_path):
     nothing = {field.name: np.zeros(3) for field in fields(Trace)}
     ways = [
-        Trace(**nothing | {"progress": np.array([1.0, 2.0, far]), "status": "off_track"})
+        Trace(
+            **nothing | {"progress": np.array([1.0, 2.0, far]), "status": "off_track", "track": 0}
+        )
         for far in (30.0, 50.0)
     ]
     log = log_of(TASK.env.logs.folders(tmp_path, [5])[0], TASK)

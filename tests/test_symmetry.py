@@ -90,7 +90,7 @@ def test_the_parity_of_a_term():
 
 def test_a_simulator_without_symmetries_says_so():
     class Still(Simulator):
-        def make(self, n_envs, one_episode, noise):
+        def make(self, n_envs, one_episode, noise, training=False):
             raise NotImplementedError
 
         def longest_episode(self):

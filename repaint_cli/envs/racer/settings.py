@@ -105,7 +105,7 @@ class RacerSettings(Simulator):
                 f"expected n_bots or n_boxes, as a race has the ones or the others, found "
                 f"{self.n_bots} and {self.n_boxes}"
             )
-        n_objects, n_places = self.n_bots or self.n_boxes, len(self.object_places)
+        n_objects, n_places = self.n_objects, len(self.object_places)
         if n_places and n_places != n_objects:
             what = "boxes" if self.n_boxes else "bots"
             raise ValueError(
@@ -119,12 +119,17 @@ class RacerSettings(Simulator):
         return (self.track,) if isinstance(self.track, str) else self.track
 
     @property
+    def n_objects(self) -> int:
+        """How many bots or boxes there are."""
+        return self.n_bots or self.n_boxes
+
+    @property
     def objects(self) -> "ObjectSettings":
         """What is on the road besides the car."""
         from repaint_cli.envs.racer.dynamics.objects import ObjectSettings
 
         return ObjectSettings(
-            n=self.n_bots or self.n_boxes,
+            n=self.n_objects,
             boxes=self.n_boxes > 0,
             speed=self.bot_speed,
             lane_changes=self.bot_lane_changes,

@@ -132,7 +132,7 @@ class RacerSimulator(RacerSettings):
     @property
     def reward_terms(self) -> frozenset[str]:
         """All terms that it can pay."""
-        return TERMS | OBJECT_TERMS if self.objects.n else TERMS
+        return TERMS | OBJECT_TERMS if self.n_objects else TERMS
 
     takes_symmetry: ClassVar[bool] = False
 
