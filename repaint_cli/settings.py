@@ -179,7 +179,7 @@ class EvalConfig(Settings):
     max_resets: int = Field(100, ge=0)
     """So often a car is put back on the road in a race, which then is over."""
     reset_behind: float = Field(1.0, ge=-10, le=10)
-    """How far behind an object a car is put back after a crash, m; below 0 it is ahead of it."""
+    """How far behind an object that is near a car is put back, m; below 0 it is ahead of it."""
     action_noise: float = Field(0.1, ge=0, le=1)
     """Steering and speed are each multiplied by 1 + U(−a, a), where there is noise."""
     brightness_noise: float = Field(0.1, ge=0, le=1)

@@ -153,6 +153,30 @@ def test_what_cannot_be_read_is_named(tmp_path, text, words):
     assert words in str(error.value)
 
 
+def test_empty_settings_are_absent_ones(tmp_path):
+    text = OBJECTS + "DR_OA_IS_OBSTACLE_BOT_CAR=\nDR_RACE_TYPE=OBJECT_AVOIDANCE\n"
+    settings = read(tmp_path, text + "DR_LOCAL_S3_MODEL_PREFIX=\nDR_EVAL_IS_CONTINUOUS=\n")
+    assert settings.model == "my-task"
+    assert settings.card["env.n_boxes"] == 4
+    cars = OBJECTS + "DR_OA_NUMBER_OF_OBSTACLES=\nDR_OA_IS_OBSTACLE_BOT_CAR=True\n"
+    assert read(tmp_path, cars).card["env.n_bots"] == 0
+
+
+def test_a_folder_without_a_reward_function_is_refused(repaint, run):
+    (run / "custom_files" / "reward_function.py").unlink()
+    said = repaint("tasks", "from-drfc", run / "run.env", run / "custom_files")
+    assert said.code == NotFound.exit_code
+    assert "reward_function.py, found none; name its folder" in said.err
+    assert not (run / "custom_files" / "my-model.toml").exists()
+
+
+def test_what_else_is_absent_is_said(repaint, run):
+    (run / "custom_files" / "hyperparameters.json").unlink()
+    said = repaint("tasks", "from-drfc", run / "run.env", run / "custom_files")
+    assert said.code == 0
+    assert "hyperparameters.json is absent: the card has racer-inner's" in said.out
+
+
 def test_nothing_is_written_where_something_is_missing_or_there(repaint, run):
     command = ("tasks", "from-drfc", run / "run.env", run / "custom_files")
     track = run / "custom_files" / "my_world.npy"

@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,13 +17,17 @@ from repaint_cli.envs.racer.names import STATUS
 from repaint_cli.envs.racer.sight.appearance import KNOTS, RandomAppearance
 from repaint_cli.envs.racer.simulator import RacerSimulator
 from repaint_cli.envs.racer.track.files import load_track
+from repaint_cli.envs.racer.track.track import Track
 from repaint_cli.envs.racer.wander import nearest, steering_to
 from repaint_cli.errors import CardError
-from repaint_cli.runs.progress import RunProgress, merits
+from repaint_cli.runs.progress import RunProgress, scores
 from repaint_cli.zoo.tasks import read_task
 
 BOXES = ObjectSettings(3, boxes=True, random=False)
 OFF_TRACK, LAP_COMPLETE, CRASHED = map(STATUS.index, ("off_track", "lap_complete", "crashed"))
+
+
+TRACKS = Path(__file__).parents[1] / "tasks" / "racer" / "tracks"
 
 
 def racer(**settings):
@@ -218,7 +223,7 @@ def test_a_car_that_crashes_is_put_behind_the_box_in_the_other_lane():
         assert steps < 100
     fleet = env._fleet
     along = fleet.lap_fractions[0] * fleet.tracks[0].length
-    assert along == pytest.approx(2.0 - 0.7 + 0.14, abs=0.03)
+    assert along == pytest.approx(2.0 - 0.7 - BOXES.body[0] / 2 + 0.14, abs=0.03)
     params = env.params(0)
     assert params["is_left_of_center"] is False
     assert params["is_crashed"] is False
@@ -238,7 +243,8 @@ def test_a_race_is_over_after_the_last_reset():
         _, _, terminated, _, info = env.step(along_the_road(env))
         ends.append(bool(terminated[0]))
     assert ends == [False, True]
-    assert info["resets"][0] == 2
+    assert info["resets"][0] == 1  # the second mishap ends it
+    assert info["penalties"][0] == 10.0
 
 
 def test_the_races_table_and_record(repaint, home, tmp_path):
@@ -281,10 +287,20 @@ def episodes(returns, progress, lap_times):
     )  # fmt: skip
 
 
+def test_an_open_track_has_no_races():
+    with pytest.raises(ValueError, match="expected a closed track for races"):
+        RacerVectorEnv(open_track(), 1, race=RaceRules())
+
+
+def open_track():
+    rows = np.load(TRACKS / "oval.npy")[:40]
+    return Track.from_waypoints(rows, "open")
+
+
 @pytest.mark.parametrize(("best", "wanted"), [("return", 0), ("progress", 1), ("lap_time", 0)])
 def test_the_best_policy_is_chosen_by_what_the_card_says(best, wanted):
     evaluated = episodes([[9, 9], [1, 1]], [[100, 60], [90, 90]], [[20, 5], [10, 10]])
-    own = merits(evaluated, best)
+    own = scores(evaluated, best)
     assert own.index(max(own)) == wanted
     progress = RunProgress()
     progress.add_evaluation(1, evaluated, best)
@@ -295,10 +311,10 @@ def test_the_best_policy_is_chosen_by_what_the_card_says(best, wanted):
 
 def test_more_laps_are_better_than_a_faster_one():
     evaluated = episodes([[0, 0], [0, 0]], [[100, 100], [100, 50]], [[30, 30], [10, 10]])
-    own = merits(evaluated, "lap_time")
+    own = scores(evaluated, "lap_time")
     assert own[0] > own[1]
     slower = episodes([[0, 0], [0, 0]], [[100, 100], [100, 100]], [[30, 30], [10, 10]])
-    assert merits(slower, "lap_time")[0] < merits(slower, "lap_time")[1]
+    assert scores(slower, "lap_time")[0] < scores(slower, "lap_time")[1]
 
 
 # Bad input
@@ -310,7 +326,7 @@ def test_more_laps_are_better_than_a_faster_one():
         (["env.n_boxes=2", "env.n_bots=2"], "expected n_bots or n_boxes"),
         (["env.n_boxes=2", "env.object_places=[[0.2,1]]"], "as many object_places as n_boxes"),
         (["env.bot_waits=[5,3]"], "the shorter one first, found [5, 3]"),
-        (["env.box_size=[0.3,0.4,0]"], "expected lengths above 0"),
+        (["env.box_size=[0.3,0.4,0]"], "expected three lengths above 0"),
         (["env.object_places=[[0.2,2]]"], "expected -1 or 1, found 2"),
         (["env.direction=backwards"], "expected 'forward', 'reverse' or 'alternate'"),
     ],

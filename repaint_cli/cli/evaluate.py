@@ -71,9 +71,7 @@ class EvaluateOptions(NamedTuple):
     ] = False
     video_episodes: Annotated[
         int | None,
-        option(
-            WRITE, "INT", "How many episodes to film. Default: 5, or 1 of a race on each track."
-        ),
+        option(WRITE, "INT", "How many episodes to film. Default: 5; in racing 1 on each track."),
     ] = None
     simtrace: Annotated[
         Path | None,

@@ -44,7 +44,7 @@ def from_drfc(
     from repaint_cli.cli.console import plain
     from repaint_cli.cli.tasks import check_new
     from repaint_cli.envs.racer.deepracer.drfc import read_run_env
-    from repaint_cli.errors import RepaintError
+    from repaint_cli.errors import NotFound, RepaintError
     from repaint_cli.files.atomic import write_text
     from repaint_cli.files.commands import command
     from repaint_cli.tasks.card_files import read_task
@@ -52,6 +52,9 @@ def from_drfc(
     settings = read_run_env(run_env)
     path = output or folder / f"{settings.model}.toml"
     check_new(path)
+    absent = [name for _, _, name in FILES if not (folder / name).is_file()]
+    if "reward_function.py" in absent:
+        raise NotFound(f"expected {folder / 'reward_function.py'}, found none; name its folder")
     text = card_text(settings, run_env, folder, track_of(settings.world, folder, track), path)
     write_text(path, text, new=True)
     try:
@@ -60,6 +63,8 @@ def from_drfc(
         path.unlink()
         raise
     print(plain(f"wrote {path}: {card.summary}"))
+    for name in absent:
+        print(plain(f"note: {folder / name} is absent: the card has racer-inner's instead"))
     if settings.unread:
         print(f"{len(settings.unread)} settings have no counterpart; the card says why")
     print(plain(f"next: {command('repaint tasks check {}', path)}"))
@@ -97,6 +102,7 @@ def card_text(
         track: file of waypoints, or the name of a shipped track.
         path: where the card will be, which its files are named from.
     """
+    from repaint_cli.cli.console import plain
     from repaint_cli.files.toml import toml_line
 
     def named(file: Path) -> str:
@@ -117,5 +123,5 @@ def card_text(
     for section, values in sections.items():
         if values:
             lines += ["", f"[{section}]", *(toml_line(key, value) for key, value in values.items())]
-    lines += ["", *(f"# {what}: {why}" for what, why in settings.unread.items())]
+    lines += ["", *(plain(f"# {what}: {why}") for what, why in settings.unread.items())]
     return "\n".join(lines) + "\n"

@@ -18,8 +18,8 @@ class RunProgress:
 
     seconds: float = 0.0
     """How long the run has taken."""
-    best_merit: tuple[float, ...] = ()
-    """Of the best evaluated policy so far; see `merits`."""
+    best_score: tuple[float, ...] = ()
+    """Of the best evaluated policy so far; see `scores`."""
     best: tuple[int, int] = (0, 0)
     """After which iteration it was evaluated, and which of the seeds it is, from 0."""
     returns: list[np.ndarray] = field(default_factory=list)
@@ -39,16 +39,16 @@ class RunProgress:
         """Take in the evaluated episodes after iteration k; `best` is the card's `eval.best`."""
         self.returns = [*self.returns, episodes.returns][1 - IN_A_ROW :]
         self.lengths = [*self.lengths, episodes.lengths.mean(1)][1 - IN_A_ROW :]
-        own = merits(episodes, best)
+        own = scores(episodes, best)
         s = max(range(len(own)), key=own.__getitem__)
-        if own[s] > self.best_merit:
-            self.best_merit, self.best = own[s], (k, s)
+        if own[s] > self.best_score:
+            self.best_score, self.best = own[s], (k, s)
 
     def as_json(self) -> dict[str, Any]:
         """Return it as JSON."""
         return {
             "seconds": self.seconds,
-            "best_merit": self.best_merit,
+            "best_score": self.best_score,
             "best": self.best,
             "returns": [returns.tolist() for returns in self.returns],
             "lengths": [lengths.tolist() for lengths in self.lengths],
@@ -69,7 +69,7 @@ class RunProgress:
             remembered = past.get("remembered")
             return cls(
                 seconds=float(past["seconds"]),
-                best_merit=tuple(map(float, past["best_merit"])),
+                best_score=tuple(map(float, past.get("best_score") or [past["best_return"]])),
                 best=(k, s),
                 returns=[np.array(returns, np.float64) for returns in past["returns"]],
                 lengths=[np.array(own, np.float64) for own in past.get("lengths", [])],
@@ -81,7 +81,7 @@ class RunProgress:
             raise CheckpointError(f"{source} tells nothing of its past: {error!s:.200}") from error
 
 
-def merits(episodes: Episodes, best: str) -> list[tuple[float, ...]]:
+def scores(episodes: Episodes, best: str) -> list[tuple[float, ...]]:
     """Return by what each of S policies is compared with others, the first number first.
 
     Args:

@@ -8,6 +8,7 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
 from repaint_cli.envs.racer.track.geometry import Floats
+from repaint_cli.envs.racer.track.track import Track
 
 
 def check_positive(**numbers: int) -> None:
@@ -19,6 +20,19 @@ def check_positive(**numbers: int) -> None:
     for name, value in numbers.items():
         if value < 1:
             raise ValueError(f"expected {name} of at least 1, found {value}")
+
+
+def check_closed(what: str, tracks: Iterable[Track]) -> None:
+    """Check that tracks are closed, as what is to be on them needs it.
+
+    Raises:
+        ValueError: a track is open.
+    """
+    for track in tracks:
+        if not track.closed:
+            raise ValueError(
+                f"expected a closed track for {what}, found '{track.name}', an open one"
+            )
 
 
 def check_names(**names: tuple[str, Iterable[str]]) -> None:
@@ -90,9 +104,15 @@ def tracks_of(options: dict[str, Any] | None, n: int, n_tracks: int) -> NDArray[
 
 
 def flags_of(options: dict[str, Any] | None, name: str, n: int) -> NDArray[np.bool_]:
-    """Return a start option that is a yes or no for each of N cars, (N,); no where it is absent."""
+    """Return a start option that is a yes or no for each of N cars, (N,); no where it is absent.
+
+    Raises:
+        ValueError: it is neither one for all nor N of them.
+    """
     flags = np.zeros(n, np.bool_)
     if options and name in options:
+        if np.shape(options[name]) not in ((), (n,)):
+            raise ValueError(f"expected {n} times whether {name}, found {options[name]!r:.60}")
         flags[:] = options[name]
     return flags
 

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from repaint_cli.envs.racer.actions import Actions, checked
 from repaint_cli.envs.racer.arguments import (
     check_autoreset,
+    check_closed,
     check_names,
     check_positive,
     flags_of,
@@ -121,6 +122,8 @@ class RacerVectorEnv(VectorEnv[Any, NDArray[Any], Any]):
         self.metadata = {"autoreset_mode": autoreset_mode, "render_fps": round(1 / STEP_SECONDS)}
         self._parks = autoreset_mode is AutoresetMode.DISABLED
         self.num_envs, self.tracks = num_envs, several(track)
+        if race:
+            check_closed("races", self.tracks)
         self._sensors = Sensors(track, sensors, range_min, noise, threads, appearance)
         self._set_spaces()
         self._fleet = Fleet(track, num_envs, car, max_steps, objects, crash)

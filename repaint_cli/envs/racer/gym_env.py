@@ -50,6 +50,8 @@ def make_cars(
         ValueError: an argument is out of range, or there is no such reward term.
         RepaintError: there is no such track.
     """
+    if sum(map(bool, (n_bots, n_boxes, objects))) > 1:
+        raise ValueError("expected one of n_bots, n_boxes and objects, found more")
     objects = objects or ObjectSettings(n_bots or n_boxes, boxes=n_boxes > 0)
     terms = TERMS | OBJECT_TERMS if objects.n else TERMS
     for name in reward or ():
@@ -61,7 +63,7 @@ def make_cars(
     return RewardTerms(cars, reward) if reward else cars
 
 
-class RacerEnv(gymnasium.Env[Any, np.int64]):
+class RacerEnv(gymnasium.Env[Any, Any]):
     """One car; spaces, reward, starts and infos are those of `RacerVectorEnv`, without its axis N.
 
     The options of `reset` are `lap_fraction` and `track`, numbers, and `reverse`. It is drawn as
@@ -100,7 +102,7 @@ class RacerEnv(gymnasium.Env[Any, np.int64]):
         obs, infos = self._cars.reset(seed=seed, options=places)
         return self._look(obs), _of_one(infos)
 
-    def step(self, action: np.int64) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+    def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """Drive for 1/15 s."""
         obs, rewards, terminations, truncations, infos = self._cars.step(np.array([action]))
         ends = bool(terminations[0]), bool(truncations[0])

@@ -1,4 +1,4 @@
-"""How races went: the columns of a table of evaluated episodes, and the same as JSON."""
+"""How episodes went: the columns of a table of evaluated episodes, and the same as JSON."""
 
 from collections.abc import Sequence
 from math import isnan

@@ -67,15 +67,15 @@ class RacerSettings(Simulator):
     """Which way the track is driven: as its file says, the other way, or in training by turns, and
     forward otherwise."""
     start_offset: float = Field(0.0, ge=0, lt=1)
-    """Where the first episode of training starts and every race, share of the lap."""
+    """Where the first episode of training starts, share of the lap."""
     start_spacing: float = Field(0.05, ge=0, lt=1)
     """How much farther on each episode of training starts than the one before, share of the lap."""
     random_light: float = Field(0.0, ge=0, lt=1)
     """In training the pictures of an episode are brighter or darker by up to so much: their grey
     levels are multiplied by 1 + U(-a, a)."""
     random_colours: float = Field(0.0, ge=0, le=1)
-    """In training road, lines, field, walls, sky and objects have grey levels of their own in each
-    episode, up to so much of the whole scale from the usual ones."""
+    """In training road, lines, field and sky have grey levels of their own in each episode, up to
+    so much of the scale from the usual ones; what is between two of them moves along."""
     training_noise: bool = False
     """Whether actions and pictures have the noise of [eval] in training, too."""
     range_min: float = Field(0.12, ge=0, lt=1)
@@ -94,8 +94,8 @@ class RacerSettings(Simulator):
     @classmethod
     def _positive(cls, numbers: tuple[float, ...], info: ValidationInfo) -> tuple[float, ...]:
         if min(numbers) <= 0 or (info.field_name == "bot_waits" and numbers[0] > numbers[1]):
-            wanted = "two times above 0, the shorter one first" if len(numbers) == 2 else "lengths"
-            raise ValueError(f"expected {wanted}{' above 0' * (len(numbers) != 2)}")
+            times = "two times above 0, the shorter one first"
+            raise ValueError(f"expected {times if len(numbers) == 2 else 'three lengths above 0'}")
         return numbers
 
     @model_validator(mode="after")

@@ -118,7 +118,7 @@ def read_run_env(path: Path) -> DrfcSettings:
     Raises:
         CardError: it cannot be read, has no track or another race type, or a value that is none.
     """
-    given = _variables(path)
+    given = {name: value for name, value in _variables(path).items() if value}
     if not given.get("DR_WORLD_NAME"):
         raise CardError(f"{path}: expected DR_WORLD_NAME, the track; found none")
     kind = given.get("DR_RACE_TYPE", "TIME_TRIAL")
@@ -127,7 +127,7 @@ def read_run_env(path: Path) -> DrfcSettings:
             f"{path}: expected DR_RACE_TYPE to be one of {', '.join(RACE_TYPES)}; found "
             f"'{kind:.60}'"
         )
-    model = given.get("DR_LOCAL_S3_MODEL_PREFIX", "my-task").rpartition("/")[2]
+    model = given.get("DR_LOCAL_S3_MODEL_PREFIX", "").rstrip("/").rpartition("/")[2] or "my-task"
     settings = DrfcSettings(given["DR_WORLD_NAME"], RACE_TYPES[kind], model)
     own = {"OBJECT_AVOIDANCE": BOXES, "HEAD_TO_BOT": BOTS}.get(kind, {})
     for name, (key, read, default) in (COMMON | own).items():

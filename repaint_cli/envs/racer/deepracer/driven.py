@@ -26,6 +26,8 @@ OTHER_LENGTH = 0.01
 ASTRAY = 0.05
 """Of the steps that end no episode, the share off the road from which on a log is of another track;
 on its own track there are hardly any."""
+JUMP = 4.0
+"""Of what a car can drive in a step, times from which on it did not drive."""
 CLOCK = 2e-4
 """Our steps take 1/15 s, written with four digits; DeepRacer's vary by more, s."""
 
@@ -51,6 +53,14 @@ class DrivenEpisode:
     def status(self) -> str:
         """How it ended, a name in STATUS where it ended; a whole lap is one, whatever follows."""
         return "lap_complete" if self.logged.trace.progress[-1] >= 100 else self.logged.trace.status
+
+    @property
+    def was_put_back(self) -> bool:
+        """Whether a mishap within it ended nothing, as in a race: the car jumped back."""
+        trace = self.logged.trace
+        moved = np.hypot(*np.diff(trace.xy, axis=0).T)
+        fastest = max(trace.throttle.max(initial=0.0), 1.0)
+        return bool((moved > JUMP * fastest * STEP_SECONDS).any())
 
     @property
     def first_progress(self) -> float:

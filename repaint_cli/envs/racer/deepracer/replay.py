@@ -20,7 +20,7 @@ from repaint_cli.envs.racer.names import STATUS, TERMS
 from repaint_cli.envs.racer.simulator import RacerSimulator
 from repaint_cli.envs.racer.track.files import load_track
 from repaint_cli.envs.racer.track.geometry import Floats
-from repaint_cli.errors import CardError
+from repaint_cli.errors import CardError, NotFound
 
 OBJECT_KEYS = re.compile(r"""['"](closest_objects|objects?_[a-z_]+)['"]""")
 """The keys of `params` about other cars and boxes, in a function's text."""
@@ -39,17 +39,27 @@ def replay(
     tracks = [load_track(name, env.waypoints) for name in env.tracks]
     pay: Pay = FunctionPay(*code) if code else TermsPay(weights, TERMS)
     output, parts = CountedPrints(), list[tuple[ReplayedEpisode, Floats, Floats]]()
+    n_races = 0
     with output_to(output), captured():
         for file in files:
-            parts += [_replayed(file, episode, pay) for episode in read_driven(file.path, tracks)]
+            driven = read_driven(file.path, tracks)
+            parts += [_replayed(file, episode, pay) for episode in driven]
+            n_races += sum(episode.was_put_back for episode in driven)
     keys = sorted(set(OBJECT_KEYS.findall(code[1]))) if code else []
     if keys or env.objects.n:
         named = f": {', '.join(keys)} in params say that there are none" if keys else ""
         notes.append(f"logs hold no other cars and no boxes{named}")
+    if n_races:
+        notes.append(
+            f"{n_races} episodes are races in which the car was put back; a log does not say why, "
+            "so the mishaps within are not paid as such"
+        )
     if output.example:
         name = code[0] if code else ""
         notes.append(f"{name} prints {output.n_lines:,} lines, such as '{output.example}'")
     episodes, logged, new = zip(*parts, strict=True)
+    if not sum(map(len, logged)):
+        raise NotFound(f"expected steps that a reward is paid for, found none in {logs[0]}")
     notes += output.warnings
     return Replay(list(episodes), np.concatenate(logged), np.concatenate(new), notes)
 

@@ -12,8 +12,15 @@ Rows = NDArray[np.int64]
 
 
 def several(track: Track | Sequence[Track]) -> tuple[Track, ...]:
-    """Return one track or several as several."""
-    return (track,) if isinstance(track, Track) else tuple(track)
+    """Return one track or several as several.
+
+    Raises:
+        ValueError: there is none.
+    """
+    tracks = (track,) if isinstance(track, Track) else tuple(track)
+    if not tracks:
+        raise ValueError("expected at least one track, found none")
+    return tracks
 
 
 class Directions:

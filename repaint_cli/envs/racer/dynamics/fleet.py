@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from repaint_cli.envs.racer.arguments import check_closed
 from repaint_cli.envs.racer.dynamics.bots import SIDE
 from repaint_cli.envs.racer.dynamics.car import (
     CAR_POINTS,
@@ -63,9 +64,8 @@ class Fleet:
         """
         self.tracks = several(track)
         """Where they drive."""
-        if objects.n and (ends := [road.name for road in self.tracks if not road.closed]):
-            what = "boxes" if objects.boxes else "bots"
-            raise ValueError(f"expected a closed track for {what}, found '{ends[0]}', an open one")
+        if objects.n:
+            check_closed("boxes" if objects.boxes else "bots", self.tracks)
         self.objects = Objects(n, objects) if objects.n else None
         self.directions = Directions(self.tracks, n)
         """Which track each car drives, in which direction."""

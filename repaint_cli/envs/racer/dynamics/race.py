@@ -36,7 +36,8 @@ class RaceRules:
     max_resets: int = 100
     """So often a car is put back; then its race is over."""
     reset_behind: float = 1.0
-    """From where a car is put back to an object that is nearer than a metre, m."""
+    """From where a car is put back to the rear of an object that is nearer than a metre, m; below 0
+    it is ahead of that."""
 
 
 class Race:
@@ -68,8 +69,9 @@ class Race:
         for status, seconds in self._costs.items():
             stopped = rows[fleet.status[rows] == status]
             self.penalties[stopped] += seconds
-            self.resets[stopped] += 1
-            for row in stopped[self.resets[stopped] <= self.rules.max_resets].tolist():
+            going_on = stopped[self.resets[stopped] < self.rules.max_resets]
+            self.resets[going_on] += 1
+            for row in going_on.tolist():
                 fleet.put_back(row, *self._place(fleet, row))
 
     def report(self) -> dict[str, Floats]:
@@ -86,9 +88,10 @@ class Race:
             where = fleet.objects.along[row]
             apart = np.abs(where - along)
             apart = np.minimum(apart, road.length - apart)
-            if apart.min() < START_ROOM:
+            half = fleet.objects.body[0] / 2
+            if apart.min() < START_ROOM + half:
                 nearest = apart.argmin()
-                along = float(where[nearest]) - self.rules.reset_behind
+                along = float(where[nearest]) - self.rules.reset_behind - half
                 side = -1.0 if fleet.objects.poses[row, nearest, SIDE] > 0 else 1.0
         along %= road.length
         return np.array(lane_point(*road.lines, along, side)), along

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from functools import cache
 
 import numpy as np
 from gymnasium import spaces
@@ -37,7 +36,6 @@ Readings = dict[str, NDArray[np.uint8] | NDArray[np.float32]]
 """By sensor: "camera" (N, 120, 160, 1 or 2) uint8 and perhaps "lidar" (N, 64) float32, m."""
 
 
-@cache
 def body_of(settings: ObjectSettings) -> Floats:
     """Return an object's size (m) and grey levels, (5,), as `boxes` has them."""
     if not settings.boxes:
