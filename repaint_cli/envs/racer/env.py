@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 from gymnasium.error import ResetNeeded
-from gymnasium.spaces import Dict
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
@@ -119,11 +118,10 @@ class RacerVectorEnv(VectorEnv[Any, NDArray[Any], Any]):
         check_positive(num_envs=num_envs, max_steps=max_steps, threads=threads)
         check_names(car=(car, CAR_PROFILES), sensors=(sensors, SENSORS), crash=(crash, CRASHES))
         check_autoreset(autoreset_mode)
+        self.num_envs, self.tracks = num_envs, several(track)
+        check_closed("races", self.tracks if race else ())
         self.metadata = {"autoreset_mode": autoreset_mode, "render_fps": round(1 / STEP_SECONDS)}
         self._parks = autoreset_mode is AutoresetMode.DISABLED
-        self.num_envs, self.tracks = num_envs, several(track)
-        if race:
-            check_closed("races", self.tracks)
         self._sensors = Sensors(track, sensors, range_min, noise, threads, appearance)
         self._set_spaces()
         self._fleet = Fleet(track, num_envs, car, max_steps, objects, crash)
@@ -248,5 +246,4 @@ class RacerVectorEnv(VectorEnv[Any, NDArray[Any], Any]):
 
     def _observation(self, readings: Readings) -> Any:
         """Return readings in the form of the observation space."""
-        is_dict = isinstance(self.single_observation_space, Dict)
-        return {**readings} if is_dict else readings["camera"]
+        return {**readings} if "lidar" in readings else readings["camera"]
