@@ -51,7 +51,7 @@ def laps(label="iteration 5 · return 212 · progress 63 %", n_episodes=4):
     xy[0, 28:30] *= 1.6  # off the map
     xy[0, 30:] = NAN
     speed = np.where(np.isnan(xy[:, :, 0]), NAN, 0.7 + 0.3 * np.sin(turns))
-    return PathPanel(xy, label, values=speed, ended_off=np.arange(n_episodes) == 0)
+    return PathPanel(xy, label, values=speed, exits=xy[:1, 29])
 
 
 def reaches(label="iteration 60 · return −4.9", n_episodes=20):
@@ -190,7 +190,7 @@ def test_a_car_sweeps_its_width_once_an_episode_with_the_mean_of_its_values():
 
 
 def test_crashes_have_a_sign_of_their_own(drawn, tmp_path):
-    paths = replace(laps(), crashed=np.array([False, True, False, False]))
+    paths = replace(laps(), crashes=laps().xy[1:2, -1])
     plot_racer([paths], [Road(**OVAL)], path=tmp_path / "t.png", title="t")
     exits, crashes = drawn[0].axes[0].lines[-2:]
     assert_allclose(exits.get_xydata(), paths.xy[:1, 29])

@@ -141,7 +141,7 @@ def _film(options: EvaluateOptions, evaluation: "Evaluation") -> None:
     from repaint_cli.cli.printing import print_written
     from repaint_cli.errors import RenderError, StoreError
 
-    written, following = list(evaluation.written), _next_command(options, evaluation.policies)
+    written, following = list(evaluation.written), _next_command(options, evaluation)
     if options.render_offscreen:
         try:
             written.append(evaluation.film(options.video_episodes))
@@ -161,12 +161,18 @@ def _paid(card: "TaskCard", episodes: "Episodes") -> str | None:
     return f"{card.reward_code.name} paid {paid} an episode; the return is {scale:g} × that"
 
 
-def _next_command(options: EvaluateOptions, policies: "Policies") -> str:
+def _next_command(options: EvaluateOptions, evaluation: "Evaluation") -> str:
     """Return the next command worth typing."""
     from repaint_cli.zoo.view_names import split
 
-    if policies.teacher is None:  # a run's page shows its film and pictures
-        return command("repaint open {}", policies.run_folder)
+    policies = evaluation.policies
+    if policies.teacher is None:
+        run = policies.run_folder
+        if policies.folder == run:  # a run's page shows its film and pictures
+            return command("repaint open {}", run)
+        race = " --race" * options.race
+        film = " --render-offscreen" * (not options.render_offscreen)
+        return command(f"repaint eval {{}}{race or film}{film * bool(race)}", run)
     name = split(options.policy or "")[0]
     if policies.teacher.task.reward_code:
         return command("repaint similarity {}", str(options.task))

@@ -33,25 +33,25 @@ class PathPanel:
     """The paths of one evaluation: one panel."""
 
     xy: Floats
-    """Positions (E, T, 2), m; nan after an episode's end."""
+    """Positions (E, T, 2), m; nan after an episode's end, and where a path is broken."""
     label: str
     """Over the panel: "iteration 5 · return 212 · progress 63 %"."""
     values: Floats | None = None
     """What colours the steps, (E, T), such as speed or reward; nan after an episode's end."""
     target: Floats | None = None
     """Where each episode's path should lead, (E, 2), m."""
-    ended_off: np.ndarray | None = None
-    """Which episodes ended off the track, (E,) bool."""
-    crashed: np.ndarray | None = None
-    """Which ended in a crash, (E,) bool."""
+    exits: Floats | None = None
+    """Where the track was left, (P, 2), m."""
+    crashes: Floats | None = None
+    """Where there was a crash, (P, 2), m."""
+    boxes: Floats | None = None
+    """Corners of what stood at the same place in all episodes, (B, 4, 2), m."""
 
     def __post_init__(self) -> None:
         n_episodes, n_steps, two = self.xy.shape
         wanted = {
             "values": (n_episodes, n_steps),
             "target": (n_episodes, 2),
-            "ended_off": (n_episodes,),
-            "crashed": (n_episodes,),
         }
         for name, shape in wanted.items():
             array = getattr(self, name)

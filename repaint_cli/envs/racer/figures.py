@@ -1,6 +1,7 @@
 """Which numbers of a race go into its figures and its film."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,19 +12,21 @@ from repaint_cli.envs.racer.deepracer.which_track import track_driven
 from repaint_cli.envs.racer.dynamics.car import FRONT_OFFSET
 from repaint_cli.envs.racer.dynamics.fleet import NOTHING
 from repaint_cli.envs.racer.dynamics.objects import ObjectSettings
-from repaint_cli.envs.racer.film import CAR_SIZE, FilmedEpisode, racer_frames
+from repaint_cli.envs.racer.film import FilmedEpisode, racer_frames
 from repaint_cli.envs.racer.names import STATUS, TRACK_RECORD
 from repaint_cli.envs.racer.outcomes import parts
 from repaint_cli.envs.racer.path_figure import plot_racer
-from repaint_cli.envs.racer.road import Road
+from repaint_cli.envs.racer.road import Road, body_corners
 from repaint_cli.envs.racer.simulator import RacerSimulator
 from repaint_cli.envs.racer.track.files import load_track
+from repaint_cli.envs.racer.track.geometry import Floats
 from repaint_cli.envs.racer.track.track import Track
 from repaint_cli.envs.racer.tracks import labels_of
 from repaint_cli.envs.racer.training_figures import plot_heatmap, plot_progress
 from repaint_cli.report.path_panels import PathPanel, label_of
 from repaint_cli.report.video import Frame, write_video
 
+MISHAPS = [STATUS.index(name) for name in ("off_track", "crashed", "immobilized", "reversed")]
 MOST_LETTERS = 64
 """Of the title of a film, which is as wide as its map."""
 
@@ -34,18 +37,22 @@ def draw_paths(
     path: Path,
     title: str,
     colour: tuple[str, str],
+    box_size: tuple[float, float] | None = None,
 ) -> None:
     """Draw the first seed's paths over each track; see `PathFormat.draw`.
 
-    `colour` is what colours them, "reward" or the name of a record, and its unit.
+    `colour` is what colours them, "reward" or the name of a record, and its unit; `box_size` the
+    length and width of boxes, where objects are boxes.
     """
     drawn, labels = [], labels_of(tracks)
     for name, episodes in panels:
-        if by_track := parts(episodes, 0, labels):
-            for label, own in by_track.episodes.items():
-                drawn.append(_panel(name, episodes, colour[0], own, label))
-        else:
-            drawn.append(_panel(name, episodes, colour[0], episodes.lengths[0] > 0))
+        by_track = parts(episodes, 0, labels)
+        own_by_label = by_track.episodes if by_track else {"": episodes.lengths[0] > 0}
+        for label, own in own_by_label.items():
+            panel = _panel(name, episodes, colour[0], own, label)
+            if box_size and "objects" in episodes.records:
+                panel = replace(panel, boxes=_boxes(episodes, own, box_size))
+            drawn.append(panel)
     plot_racer(drawn, [_road_of(load_track(name)) for name in tracks], path, title, colour[1])
 
 
@@ -57,19 +64,32 @@ def _panel(
     name: str, episodes: Episodes, colour: str, own: np.ndarray, track: str = ""
 ) -> PathPanel:
     """Return the panel of some of the first seed's episodes, (E,) bool, on a track."""
-    progress, status = episodes.progress, episodes.status
+    progress = episodes.progress
     assert episodes.paths is not None
     assert progress is not None
-    assert status is not None
-    label, ends = label_of(name, episodes.returns[0, own].mean(), track), status[0, own]
+    label, xy = label_of(name, episodes.returns[0, own].mean(), track), episodes.paths[0, own]
+    status = episodes.records["status"][:, 0].T[own]
     values = (episodes.rewards if colour == "reward" else episodes.records[colour])[:, 0]
+    broken = xy.copy()
+    broken[:, 1:][np.isin(status[:, :-1], MISHAPS)] = np.nan  # in a race the car is put back
     return PathPanel(
-        episodes.paths[0, own],
+        broken,
         f"{label} · progress {progress[0, own].mean():.0f} %",
         values=values.T[own],
-        ended_off=ends == STATUS.index("off_track"),
-        crashed=ends == STATUS.index("crashed"),
+        exits=xy[status == STATUS.index("off_track")],
+        crashes=xy[status == STATUS.index("crashed")],
     )
+
+
+def _boxes(episodes: Episodes, own: np.ndarray, size: tuple[float, float]) -> Floats | None:
+    """Return the corners of boxes (B, 4, 2) that stood alike in some episodes, (E,) bool, or None.
+
+    `size` is their length and width, m.
+    """
+    poses = episodes.records["objects"][0, 0, own]  # (E, B, 3)
+    if not (poses == poses[0]).all():
+        return None
+    return np.array([body_corners(x, y, heading, size) for x, y, heading in poses[0].tolist()])
 
 
 def draw_training(
@@ -135,6 +155,6 @@ def filmed(episodes: Episodes, e: int, objects: ObjectSettings = NOTHING) -> Fil
         images=images[..., 0],
         ranges=np.empty((steps, 0)) if ranges is None else ranges,
         objects=state.get("objects", np.empty((steps, 0, 3))),
-        object_size=objects.box_size[:2] if objects.boxes else CAR_SIZE,
+        object_size=objects.box_size[:2],
         are_boxes=objects.boxes,
     )

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
 from repaint_cli.envs.racer.dynamics.car import FRONT_OFFSET
-from repaint_cli.envs.racer.road import CAR_LENGTH, CAR_WIDTH, draw_road
+from repaint_cli.envs.racer.road import BOX_COLOUR, CAR_LENGTH, CAR_WIDTH, body_corners, draw_road
 from repaint_cli.envs.racer.sight.boxes import BEAM_SPAN, FIRST_BEAM, RANGE
 from repaint_cli.envs.racer.track.geometry import Floats
 from repaint_cli.report import style
@@ -29,7 +29,7 @@ FINE = 2
 """The map is drawn this many times finer and averaged, so that edges are smooth."""
 BEAM_ANGLES = np.deg2rad(np.rint(np.rad2deg(np.pi + FIRST_BEAM + np.array([0, BEAM_SPAN]))))
 """Of the lidar's first and last beam in whole degrees, to the left from straight ahead, rad."""
-CAR_COLOUR, BOT_COLOUR, BOX_COLOUR = "#009E73", "#666666", "#D8A45F"
+CAR_COLOUR, BOT_COLOUR = "#009E73", "#666666"
 CAR_SIZE = (CAR_LENGTH, CAR_WIDTH)
 CAMERA_HEIGHT = 360
 LIDAR_SIZE = 120
@@ -64,7 +64,7 @@ class FilmedEpisode:
     objects: Floats
     """Other cars' or boxes' x, y (m) and heading (rad), (T, B, 3)."""
     object_size: tuple[float, float] = CAR_SIZE
-    """Their length and width, m."""
+    """Length and width of boxes, m."""
     are_boxes: bool = False
     """Whether they are boxes."""
 
@@ -100,12 +100,15 @@ def racer_frames(
         pen.line(trail, colours[t], width=3 * FINE)
         view = road.copy()
         for x, y, heading in episode.objects[t].tolist():
-            body = to_pixels(_body(np.array([x, y]), heading, episode.object_size))
             if episode.are_boxes:
-                _draw_box(view, body)
+                _draw_box(view, to_pixels(body_corners(x, y, heading, episode.object_size)))
             else:
-                _draw_car(view, body, BOT_COLOUR)
-        _draw_car(view, to_pixels(_body(episode.xy[t], float(episode.heading[t]))), CAR_COLOUR)
+                _draw_car(view, to_pixels(_car(x, y, heading)), BOT_COLOUR)
+        _draw_car(
+            view,
+            to_pixels(_car(episode.xy[t, 0], episode.xy[t, 1], float(episode.heading[t]))),
+            CAR_COLOUR,
+        )
         side = board.copy()
         _draw_numbers(side, episode, t, float(returns[t]))
         frame = np.empty((HEIGHT, MAP_WIDTH + SIDE_WIDTH, 3), np.uint8)
@@ -155,18 +158,15 @@ def _ruler(figure: Figure, axes: Axes) -> None:
     figure.text(0.06, 0.06, "1 m", size=style.NOTE_SIZE, color=style.INK, va="center")
 
 
-def _body(xy: Floats, heading: float, size: tuple[float, float] = CAR_SIZE) -> Floats:
-    """Return a body's four corners and then a car's front point, (5, 2), m."""
-    ahead, left = size[0] / 2, size[1] / 2
-    corners = [[-ahead, -left], [ahead, -left], [ahead, left], [-ahead, left]]
-    own = np.array([*corners, [FRONT_OFFSET, 0]])
-    cos, sin = np.cos(heading), np.sin(heading)
-    return np.asarray(xy + own @ np.array([[cos, sin], [-sin, cos]]))
+def _car(x: float, y: float, heading: float) -> Floats:
+    """Return a car's four corners and then its front point, (5, 2), m."""
+    front = [x + FRONT_OFFSET * np.cos(heading), y + FRONT_OFFSET * np.sin(heading)]
+    return np.vstack([body_corners(x, y, heading, CAR_SIZE), front])
 
 
-def _draw_box(view: Image.Image, body: Floats) -> None:
-    corners = [tuple(point) for point in body[:4]]
-    ImageDraw.Draw(view).polygon(corners, BOX_COLOUR, style.INK, width=FINE)
+def _draw_box(view: Image.Image, corners: Floats) -> None:
+    outline = [tuple(point) for point in corners]
+    ImageDraw.Draw(view).polygon(outline, BOX_COLOUR, style.INK, width=FINE)
 
 
 def _draw_car(view: Image.Image, body: Floats, colour: str) -> None:
@@ -197,15 +197,21 @@ def _draw_numbers(side: Image.Image, episode: FilmedEpisode, t: int, total: floa
         f"{episode.speed[t]:.2f} m/s",
         f"{round(float(np.rad2deg(episode.steering[t]))):+d}°",
         f"{episode.progress[t]:.1f} %",
-        f"{episode.reward[t]:+.2f}",
+        _signed(float(episode.reward[t])),
     )
     for column, number in enumerate(numbers):
         text = number.replace("-", "−")
         pen.text((COLUMN * (column + 0.5), 408), text, style.INK, font(20, "-Bold"), anchor="mm")
     height, width = episode.images.shape[1:]
     steps = f"step {t + 1} of {len(episode.xy)}"
-    below = f"camera {width}×{height}  ·  {steps}  ·  return {total:.1f}".replace("-", "−")
+    shown = f"{total:.1f}" if abs(total) >= 10 else f"{total:.3g}"
+    below = f"camera {width}×{height}  ·  {steps}  ·  return {shown}".replace("-", "−")
     pen.text((SIDE_WIDTH / 2, 450), below, "#555555", font(14), anchor="mm")
+
+
+def _signed(reward: float) -> str:
+    """Write a reward with two digits, or more where it is small."""
+    return f"{reward:+.2f}" if reward == 0 or abs(reward) >= 0.1 else f"{reward:+.2g}"
 
 
 def _scan_view(ranges: Floats) -> Image.Image:

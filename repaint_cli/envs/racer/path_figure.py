@@ -10,8 +10,9 @@ import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.colors import Normalize, to_rgb
+from matplotlib.patches import Patch, Polygon
 
-from repaint_cli.envs.racer.road import Road, draw_road, lane_patches
+from repaint_cli.envs.racer.road import BOX_COLOUR, Road, draw_road, lane_patches
 from repaint_cli.envs.racer.sweep import cell_of, sweep
 from repaint_cli.envs.racer.track.geometry import Floats
 from repaint_cli.report import style
@@ -20,7 +21,6 @@ from repaint_cli.report.path_panels import (
     PathPanel,
     colour_bar,
     coloured_paths,
-    ends_of,
     frame,
     grid,
     mark,
@@ -58,6 +58,9 @@ def plot_racer(
     for i, (axes, panel) in enumerate(zip(panes, panels, strict=True)):
         low, high = corners[i % n]
         draw_road(axes, *roads[i % n])
+        for corners_of_box in panel.boxes if panel.boxes is not None else ():
+            box = Polygon(corners_of_box, facecolor=BOX_COLOUR, edgecolor=style.INK, zorder=2.2)
+            axes.add_patch(box)
         _swept(axes, panel, scale, low, high)
         coloured_paths(axes, panel.xy, panel.values, scale)
         _starts_and_exits(axes, panel)
@@ -76,9 +79,11 @@ def _corners(road: Road, panels: Sequence[PathPanel]) -> tuple[Floats, Floats]:
 
 
 def _legend_entries(panels: Sequence[PathPanel]) -> list[Artist]:
-    """Return the legend's entries: the lanes, starts and exits, and crashes where there are any."""
-    entries = [legend_entry("start", START), legend_entry("left the track", EXIT)]
-    if any(panel.crashed is not None and panel.crashed.any() for panel in panels):
+    """Return the legend's entries: lanes, starts, exits; boxes and crashes where there are any."""
+    entries: list[Artist] = [legend_entry("start", START), legend_entry("left the track", EXIT)]
+    if any(panel.boxes is not None for panel in panels):
+        entries.append(Patch(facecolor=BOX_COLOUR, edgecolor=style.INK, label="box"))
+    if any(panel.crashes is not None and len(panel.crashes) for panel in panels):
         entries.append(legend_entry("crashed", CRASH))
     return [*lane_patches(), *entries]
 
@@ -98,7 +103,6 @@ def _swept(axes: Axes, panel: PathPanel, scale: Normalize, low: Floats, high: Fl
 
 def _starts_and_exits(axes: Axes, panel: PathPanel) -> None:
     mark(axes, panel.xy[:, 0], START)
-    if panel.ended_off is not None:
-        mark(axes, ends_of(panel.xy)[np.asarray(panel.ended_off, dtype=bool)], EXIT)
-    if panel.crashed is not None:
-        mark(axes, ends_of(panel.xy)[np.asarray(panel.crashed, dtype=bool)], CRASH)
+    for points, marker in ((panel.exits, EXIT), (panel.crashes, CRASH)):
+        if points is not None:
+            mark(axes, points, marker)

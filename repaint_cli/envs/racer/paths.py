@@ -16,8 +16,8 @@ class RacerPaths(PathFormat):
 
     colours: ClassVar[Mapping[str, str]] = {"speed": "speed [m/s]", "reward": "reward per step"}
 
-    def __init__(self, tracks: Sequence[str]) -> None:
-        self._tracks = tracks
+    def __init__(self, tracks: Sequence[str], box_size: tuple[float, float] | None = None) -> None:
+        self._tracks, self._box_size = tracks, box_size
 
     @property
     def records(self) -> tuple[str, ...]:
@@ -41,4 +41,6 @@ class RacerPaths(PathFormat):
         from repaint_cli.envs.racer.figures import draw_paths
 
         colour = colour or next(iter(self.colours))
-        draw_paths(self._tracks, panels, path, title, (colour, self.colours[colour]))
+        draw_paths(
+            self._tracks, panels, path, title, (colour, self.colours[colour]), self._box_size
+        )

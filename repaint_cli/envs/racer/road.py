@@ -12,6 +12,7 @@ from repaint_cli.envs.racer.track.geometry import Floats
 
 CAR_LENGTH, CAR_WIDTH = round(BOT_LENGTH, 2), round(BOT_WIDTH, 2)
 """Of a car in figures: its visible body, in whole cm, centred on the base, m."""
+BOX_COLOUR = "#D8A45F"
 INNER_LANE, OUTER_LANE, BORDER, DASHES = "#cfcfcf", "#dedede", "#333333", "#ffffff"
 
 
@@ -40,6 +41,14 @@ def draw_road(axes: Axes, inner: Floats, outer: Floats, centre: Floats) -> None:
     for border in (inner, outer):
         axes.plot(*border.T, color=BORDER, linewidth=0.9, zorder=2)
     axes.plot(*centre.T, color=DASHES, linewidth=1.2, linestyle=(0, (4, 3)), zorder=2)
+
+
+def body_corners(x: float, y: float, heading: float, size: tuple[float, float]) -> Floats:
+    """Return the corners of a body (4, 2), m, of some length and width (m), about its middle."""
+    ahead, left = size[0] / 2, size[1] / 2
+    own = np.array([[-ahead, -left], [ahead, -left], [ahead, left], [-ahead, left]])
+    cos, sin = np.cos(heading), np.sin(heading)
+    return np.asarray([x, y] + own @ np.array([[cos, sin], [-sin, cos]]))
 
 
 def lane_patches() -> list[Patch]:

@@ -215,7 +215,7 @@ class RacerSimulator(RacerSettings):
         """The cars' paths."""
         from repaint_cli.envs.racer.paths import RacerPaths
 
-        return RacerPaths(self.tracks)
+        return RacerPaths(self.tracks, self.box_size[:2] if self.n_boxes else None)
 
     filmed_episodes: ClassVar[int] = 1
     films_observations: ClassVar[bool] = True

@@ -32,7 +32,7 @@ def sweep(xy: Floats, values: Floats, low: Floats, high: Floats) -> tuple[Floats
     columns, rows = np.ceil((high - low) / cell).astype(int)
     passed, total = np.zeros(rows * columns), np.zeros(rows * columns)
     for path, path_values in zip(xy, values, strict=True):
-        points, weights = _covering_points(path[np.isfinite(path).all(1)], path_values, cell)
+        points, weights = _covering_points(path, path_values, cell)
         cells = np.floor((points - low) / cell).astype(int)
         inside = ((cells >= 0) & (cells < [columns, rows])).all(1)
         at = cells[inside, 1] * columns + cells[inside, 0]
@@ -48,10 +48,20 @@ def _covering_points(path: Floats, values: Floats, cell: float) -> tuple[Floats,
     """Return points that densely cover the ground under a car's path, (P, 2), and values, (P,).
 
     Args:
-        path: of the car, (T, 2), m.
-        values: of its steps, at least T of them.
+        path: of the car, (T, 2), m; nan where it is broken or at its end.
+        values: of its steps, (T,).
         cell: edge of the grid's cells, m.
     """
+    driven = np.isfinite(path).all(1)
+    ends = np.flatnonzero(np.diff(driven)) + 1
+    pieces = zip(np.split(path, ends), np.split(values, ends), strict=True)
+    covered = [_covered(*piece, cell) for piece in pieces if np.isfinite(piece[0]).all()]
+    points = np.concatenate([np.empty((0, 2)), *(own for own, _ in covered)])
+    return points, np.concatenate([np.empty(0), *(own for _, own in covered)])
+
+
+def _covered(path: Floats, values: Floats, cell: float) -> tuple[Floats, Floats]:
+    """Return what `_covering_points` does for a path in one piece."""
     if len(path) < 2:
         return np.empty((0, 2)), np.empty(0)
     steps = np.gradient(path, axis=0)

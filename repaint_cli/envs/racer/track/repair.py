@@ -80,7 +80,7 @@ def close(rows: Floats, numbers: Numbers, name: str) -> tuple[Floats, Numbers, *
     spacing = float(np.median(steps))
     if gap > max(2 * spacing, 1.5 * steps[[0, -1]].max()):
         return rows, numbers  # an open track
-    if gap > spacing / 2:
+    if gap > min(spacing, steps[[0, -1]].mean()) / 2:  # points may be closer together there
         numbers = np.append(numbers, numbers[-1] + 1)
         return np.vstack([rows, rows[:1]]), numbers, f"closed over a gap of {_mm(gap)}"
     room = float(np.hypot(*(rows[0, 2:4] - rows[0, 4:]))) / 2
