@@ -61,8 +61,8 @@ def first_problem(error: ValidationError) -> str:
     where = f"{'.'.join(loc):.200}"
     if problem["type"] == "extra_forbidden":
         return f"{UNKNOWN_KEY}{where}'"
-    told = problem["type"] == "missing" or isinstance(problem["input"], Mapping)
-    value = "" if told else f", found {problem['input']!r:.100}"
+    is_shown = problem["type"] != "missing" and not isinstance(problem["input"], Mapping)
+    value = f", found {problem['input']!r:.100}" if is_shown else ""
     wanted = problem["msg"].removeprefix("Value error, ").replace("Input should be", "expected")
     return f"{where}: {wanted:.200}{value}".removeprefix(": ")
 

@@ -39,6 +39,17 @@ def test_borders_run_at_half_a_width_but_in_corners_tighter_than_that(amplitude,
     assert again.note == ""
 
 
+def test_a_ring_whose_first_point_is_not_repeated_keeps_all_its_points():
+    """Also where points are closer together at its ends than elsewhere."""
+    t = np.linspace(0, 2 * np.pi, 81)[:-1]
+    line = np.stack([3 * np.cos(t), 1.5 * np.sin(t)], axis=1)  # 0.12 m apart here, else up to 0.24
+    rows, (done,) = rows_around(line, WIDTH, "mine")
+    assert len(rows) == 81
+    assert (rows[:-1, :2] == line).all()
+    assert (rows[-1] == rows[0]).all()
+    assert done.startswith("closed over a gap of 0.12 m")
+
+
 def test_a_corner_of_a_border_runs_along_both_sides():
     box = np.array([[0, 0], [4, 0], [4, 3], [0, 3], [0, 0.0]])
     rows, _ = rows_around(box, 1.0, "box")

@@ -91,6 +91,9 @@ def test_boxes_have_drfcs_defaults(tmp_path):
     assert card == {"env.n_boxes": 4, "env.object_gap": 2.0, "env.random_objects": False}
     places = read(tmp_path, OBJECTS + 'DR_OA_OBJECT_POSITIONS="0.23,-1;0.46,1"\n').card
     assert (places["env.n_boxes"], places["env.object_places"]) == (2, [[0.23, -1], [0.46, 1]])
+    given = read(tmp_path, OBJECTS + 'DR_OA_OBJECT_POSITIONS="0.23,-1"\n')
+    (why,) = given.unread.values()
+    assert why == "DR_OA_OBJECT_POSITIONS says how many there are"
     cars = read(tmp_path, OBJECTS + "DR_OA_IS_OBSTACLE_BOT_CAR=True\n").card
     assert (cars["env.n_bots"], cars["env.bot_speed"], cars["env.crash"]) == (4, 0.0, "any")
     assert "env.n_boxes" not in cars

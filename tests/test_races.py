@@ -16,6 +16,7 @@ from repaint_cli.envs.racer.env import RacerVectorEnv
 from repaint_cli.envs.racer.names import STATUS
 from repaint_cli.envs.racer.sight.appearance import KNOTS, RandomAppearance
 from repaint_cli.envs.racer.simulator import RacerSimulator
+from repaint_cli.envs.racer.sweep import sweep
 from repaint_cli.envs.racer.track.files import load_track
 from repaint_cli.envs.racer.track.track import Track
 from repaint_cli.envs.racer.wander import nearest, steering_to
@@ -254,6 +255,7 @@ def test_the_races_table_and_record(repaint, home, tmp_path):
     )  # fmt: skip
     assert said.code == 0, said.err
     assert "race of 2 laps" in said.out
+    assert all(len(line) <= 80 for line in said.out.splitlines()[:3])
     assert "2 of 2" in said.out
     (record,) = tmp_path.glob("runs/racer-inner/eval-race-*/eval.json")
     found = json.loads(record.read_text())
@@ -264,6 +266,30 @@ def test_the_races_table_and_record(repaint, home, tmp_path):
     assert first[1] < first[0]  # which begins at rest
     assert found["resets"] == found["penalties"] == [[0, 0]]
     assert found["env"]["race"]["laps"] == 2
+
+
+def test_a_path_breaks_where_a_car_is_put_back_and_every_mishap_is_marked(home, monkeypatch):
+    from repaint_cli.envs.racer import figures
+
+    shown = []
+    monkeypatch.setattr(figures, "plot_racer", lambda panels, *_: shown.extend(panels))
+    xy = np.array([[[0, 0], [1, 0], [9, 9], [1, 1], [2, 1]]], float)  # left at (9, 9)
+    status = np.array([0, 0, OFF_TRACK, 0, CRASHED], float)[:, None, None]
+    boxes = np.tile([2.0, 1.0, 0.0], (5, 1, 1, 1, 1))
+    raced = Episodes(
+        returns=np.ones((1, 1)), lengths=np.full((1, 1), 5), terms=np.zeros((1, 1, 1)),
+        rewards=np.zeros((5, 1, 1)), actions=np.zeros((5, 1, 1)), env_seeds=[0], targets=None,
+        paths=xy[None], records={"status": status, "progress": status, "speed": status,
+                                 "objects": boxes},
+    )  # fmt: skip
+    figures.draw_paths(("oval",), [("a", raced)], home / "p.png", "t", ("speed", ""), (0.4, 0.2))
+    (panel,) = shown
+    assert_array_equal(np.isnan(panel.xy[0, :, 0]), [False, False, False, True, False])
+    assert_array_equal(panel.exits, [[9, 9]])
+    assert_array_equal(panel.crashes, [[2, 1]])
+    assert_allclose(panel.boxes, [[[1.8, 0.9], [2.2, 0.9], [2.2, 1.1], [1.8, 1.1]]])
+    passed, _ = sweep(panel.xy, np.ones((1, 5)), np.zeros(2), np.full(2, 10.0))
+    assert passed[500 * len(passed) // 1000, 500 * passed.shape[1] // 1000] == 0  # of the jump
 
 
 def test_only_races_are_raced(repaint, home):

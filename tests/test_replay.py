@@ -414,6 +414,7 @@ def test_a_correlation_needs_two_that_vary():
     assert correlation(x, y) == pytest.approx(np.corrcoef(x, y)[0, 1])
     assert correlation(x, np.ones(50)) is None
     assert correlation(x[:1], y[:1]) is None
+    assert correlation(x[:3], y[:3]) is None  # which would say nothing
     assert correlation_text(x, np.ones(50)) == "none"
     assert correlation_text(np.array([0, 0, 1, 1]), np.array([0, 1, 0, 1.001])) == "0.00"
 

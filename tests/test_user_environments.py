@@ -168,7 +168,7 @@ def test_a_sound_card_has_one_line(repaint, odd):
     assert said.code == 0
     assert re.fullmatch(
         r"odd is sound: 2 observations and 1 continuous actions; 4 episodes of a first policy have "
-        r"10 steps on average; reward terms of a step: near -\d\.\d+\n",
+        r"10 steps on average, at most 10; reward terms of a step: near -\d\.\d+\n",
         said.out,
     )
     assert not said.err

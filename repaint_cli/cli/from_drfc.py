@@ -9,6 +9,7 @@ from repaint_cli.cli.options import argument, option
 
 if TYPE_CHECKING:
     from repaint_cli.envs.racer.deepracer.drfc import DrfcSettings
+    from repaint_cli.tasks.card import TaskCard
 
 FILES = (
     ("env", "model_metadata", "model_metadata.json"),
@@ -44,10 +45,8 @@ def from_drfc(
     from repaint_cli.cli.console import plain
     from repaint_cli.cli.tasks import check_new
     from repaint_cli.envs.racer.deepracer.drfc import read_run_env
-    from repaint_cli.errors import NotFound, RepaintError
-    from repaint_cli.files.atomic import write_text
+    from repaint_cli.errors import NotFound
     from repaint_cli.files.commands import command
-    from repaint_cli.tasks.card_files import read_task
 
     settings = read_run_env(run_env)
     path = output or folder / f"{settings.model}.toml"
@@ -56,18 +55,26 @@ def from_drfc(
     if "reward_function.py" in absent:
         raise NotFound(f"expected {folder / 'reward_function.py'}, found none; name its folder")
     text = card_text(settings, run_env, folder, track_of(settings.world, folder, track), path)
-    write_text(path, text, new=True)
-    try:
-        card = read_task(str(path))
-    except RepaintError:
-        path.unlink()
-        raise
-    print(plain(f"wrote {path}: {card.summary}"))
+    print(plain(f"wrote {path}: {_written(path, text).summary}"))
     for name in absent:
         print(plain(f"note: {folder / name} is absent: the card has racer-inner's instead"))
     if settings.unread:
         print(f"{len(settings.unread)} settings have no counterpart; the card says why")
     print(plain(f"next: {command('repaint tasks check {}', path)}"))
+
+
+def _written(path: Path, text: str) -> "TaskCard":
+    """Write a card and read it; there is no file where it is none."""
+    from repaint_cli.errors import RepaintError
+    from repaint_cli.files.atomic import write_text
+    from repaint_cli.tasks.card_files import read_task
+
+    write_text(path, text, new=True)
+    try:
+        return read_task(str(path))
+    except RepaintError:
+        path.unlink()
+        raise
 
 
 def track_of(world: str, folder: Path, given: Path | None) -> Path | str:
@@ -106,7 +113,8 @@ def card_text(
     from repaint_cli.files.toml import toml_line
 
     def named(file: Path) -> str:
-        return Path(os.path.relpath(file, path.parent)).as_posix()
+        whole = file.is_absolute() and not folder.is_absolute()
+        return file.as_posix() if whole else Path(os.path.relpath(file, path.parent)).as_posix()
 
     road = track if isinstance(track, str) else named(track)
     sections: dict[str, dict[str, object]] = {

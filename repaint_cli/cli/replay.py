@@ -39,9 +39,8 @@ def replay(
     """
     from repaint_cli.cli.printing import print_written
     from repaint_cli.cli.replay_table import print_json, print_replay
-    from repaint_cli.errors import CardError, UsageError
+    from repaint_cli.errors import CardError
     from repaint_cli.files.commands import command
-    from repaint_cli.files.foreign import check_replaceable
     from repaint_cli.report.replay import plot_replay
     from repaint_cli.tasks.card_files import read_task
 
@@ -49,11 +48,7 @@ def replay(
     if card.env.logs is None:
         raise CardError(f"expected --task with a racing task, found '{card.name}'")
     picture = plot or Path(f"{card.name}-replay.png")
-    if picture.suffix not in (".png", ".svg"):
-        raise UsageError(
-            f"expected --plot with a name that ends in .png or .svg, found '{picture}'"
-        )
-    check_replaceable([picture], advice="name another with --plot")
+    _check_picture(picture)
     code = (card.reward_code.name, card.reward_code.source) if card.reward_code else None
     replayed = card.env.logs.replay(logs, card.reward, code)
     payer = code[0] if code else f"the reward of {card.name}"
@@ -65,3 +60,18 @@ def replay(
     plot_replay(*replayed.returns, replayed.whole, picture, f"{n}, paid by {payer}")
     if not as_json:
         print_written([picture], command("repaint train-teacher --task {}", task))
+
+
+def _check_picture(path: Path) -> None:
+    """Check that a picture may be written there.
+
+    Raises:
+        UsageError: it is of another format.
+        StoreError: a file of somebody else's is there.
+    """
+    from repaint_cli.errors import UsageError
+    from repaint_cli.files.foreign import check_replaceable
+
+    if path.suffix not in (".png", ".svg"):
+        raise UsageError(f"expected --plot with a name that ends in .png or .svg, found '{path}'")
+    check_replaceable([path], advice="name another with --plot")

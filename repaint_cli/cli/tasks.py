@@ -211,7 +211,8 @@ def _check_card(name: str, card: "TaskCard") -> None:
     n_episodes = len(checked.returns)
     print(
         f"{card.name} is sound: {checked.spaces}; {n_episodes} episodes of a first policy have "
-        f"{checked.n_steps / n_episodes:.4g} steps on average; reward terms of a step: {terms}"
+        f"{checked.n_steps / n_episodes:.4g} steps on average, at most "
+        f"{card.env.longest_episode():,}; reward terms of a step: {terms}"
     )
     for note in notes_on_files(name, card) + checked.notes:
         print(f"note: {plain(note)}")

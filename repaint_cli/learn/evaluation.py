@@ -88,7 +88,7 @@ def evaluate(
         policy: S policies.
         task: whose environment and rewards.
         seeds: the run seeds, (S,).
-        n_episodes: E, or a few less: see `Simulator.even_episodes`.
+        n_episodes: at least so many; E is a few more where `Simulator.even_episodes` says so.
         iteration: after which iteration.
         purpose: EVALUATE during training, SCORE for a teacher's score.
         keep_observations: whether to return what the policies observed.

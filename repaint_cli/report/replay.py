@@ -9,13 +9,18 @@ from matplotlib.ticker import MaxNLocator
 from repaint_cli.report import style
 from repaint_cli.report.statistics import Floats
 
+LEAST = 4
+"""Numbers that a correlation is of, at least: that of fewer says nothing."""
 LAP, OTHER = "#0072B2", "#E69F00"
 """Colours of episodes that were whole laps, and of the others."""
 
 
 def correlation(first: Floats, second: Floats) -> float | None:
-    """Return Pearson's correlation of two series; None where one of them is the same throughout."""
-    if len(first) < 2 or np.ptp(first) == 0 or np.ptp(second) == 0:
+    """Return Pearson's correlation of two series.
+
+    None where they are too short, or one of them is the same throughout.
+    """
+    if len(first) < LEAST or np.ptp(first) == 0 or np.ptp(second) == 0:
         return None
     return float(np.corrcoef(first, second)[0, 1])
 

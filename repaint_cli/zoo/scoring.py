@@ -10,8 +10,9 @@ from repaint_cli.zoo.teacher_card import Score
 
 def score(network: ActorCritic, task: TaskCard, seed: int) -> Score:
     """Evaluate one policy on seeds that no training or evaluation has used."""
-    episodes = task.env.even_episodes(task.env.score_episodes)
-    evaluation = evaluate(network, task, [seed], episodes, purpose=Purpose.SCORE)
+    least = task.env.score_episodes
+    evaluation = evaluate(network, task, [seed], least, purpose=Purpose.SCORE)
+    episodes = evaluation.returns.shape[1]
     mean, low, high = mean_ci(evaluation.returns[0])
     laps = progress = None
     if evaluation.progress is not None:

@@ -26,7 +26,7 @@ from repaint_cli.envs.racer.arguments import (
 from repaint_cli.envs.racer.deepracer.params import params_in
 from repaint_cli.envs.racer.dynamics.car import ACTIONS, CAR_PROFILES, STEP_SECONDS
 from repaint_cli.envs.racer.dynamics.commands import commands_for
-from repaint_cli.envs.racer.dynamics.directions import Rows, Turns, several
+from repaint_cli.envs.racer.dynamics.directions import Rows, TrackSchedule, several
 from repaint_cli.envs.racer.dynamics.fleet import NOTHING, Fleet
 from repaint_cli.envs.racer.dynamics.objects import ObjectSettings
 from repaint_cli.envs.racer.dynamics.race import Race, RaceRules
@@ -130,7 +130,7 @@ class RacerVectorEnv(VectorEnv[Any, NDArray[Any], Any]):
         self._noise, self._is_reset = noise, False
         self._rngs = [np.random.default_rng() for _ in range(num_envs)]
         self._given_starts: Floats | None = None
-        self._turns = Turns(len(self.tracks), num_envs)
+        self._schedule = TrackSchedule(len(self.tracks), num_envs)
         self._reverse = np.zeros(num_envs, np.bool_)
         self._parked_readings: Readings = {}  # the last ones of parked cars
 
@@ -164,7 +164,7 @@ class RacerVectorEnv(VectorEnv[Any, NDArray[Any], Any]):
             if one is not None:
                 self._rngs[i] = np.random.default_rng(one)
         self._given_starts = lap_fractions_of(options, self.num_envs)
-        self._turns.begin(tracks_of(options, self.num_envs, len(self.tracks)))
+        self._schedule.begin(tracks_of(options, self.num_envs, len(self.tracks)))
         self._reverse = flags_of(options, "reverse", self.num_envs)
         self._is_reset = True
         rows = np.arange(self.num_envs)
@@ -231,7 +231,7 @@ class RacerVectorEnv(VectorEnv[Any, NDArray[Any], Any]):
             for row in rows:
                 fractions[row] = self._rngs[row].integers(START_PLACES) / START_PLACES
         self._chosen[rows] = 0.0
-        tracks = self._turns.take(rows, self._rngs)
+        tracks = self._schedule.take(rows, self._rngs)
         self._fleet.start(rows, fractions, self._reverse, self._rngs, tracks)
         self._sensors.start(rows, self._rngs)
         if self._race:

@@ -18,7 +18,7 @@ from repaint_cli.envs.racer.outcomes import parts
 from repaint_cli.envs.racer.path_figure import plot_racer
 from repaint_cli.envs.racer.road import Road, body_corners
 from repaint_cli.envs.racer.simulator import RacerSimulator
-from repaint_cli.envs.racer.track.files import load_track
+from repaint_cli.envs.racer.track.files import load_tracks
 from repaint_cli.envs.racer.track.geometry import Floats
 from repaint_cli.envs.racer.track.track import Track
 from repaint_cli.envs.racer.tracks import labels_of
@@ -53,7 +53,8 @@ def draw_paths(
             if box_size and "objects" in episodes.records:
                 panel = replace(panel, boxes=_boxes(episodes, own, box_size))
             drawn.append(panel)
-    plot_racer(drawn, [_road_of(load_track(name)) for name in tracks], path, title, colour[1])
+    roads = [*map(_road_of, load_tracks(tracks))]
+    plot_racer(drawn, roads, path, title, colour[1])
 
 
 def _road_of(track: Track) -> Road:
@@ -105,7 +106,7 @@ def draw_training(
         title: over both.
     """
     training = [(k, trace) for k, traces in read_training(log) for trace in traces]
-    tracks, labels = [load_track(name, env.waypoints) for name in env.tracks], labels_of(env.tracks)
+    tracks, labels = load_tracks(env.tracks, env.waypoints), labels_of(env.tracks)
     driven = np.array([track_driven(trace, tracks) for _, trace in training])
     several, heatmaps = len(tracks) > 1, []
     for t, (track, label) in enumerate(zip(tracks, labels, strict=True)):
@@ -120,7 +121,7 @@ def draw_training(
 
 def film(env: RacerSimulator, episodes: Episodes, path: Path, title: str, n_episodes: int) -> None:
     """Film the first seed's first episodes, each on its track; see `Simulator.film`."""
-    roads, labels = [_road_of(load_track(name)) for name in env.tracks], labels_of(env.tracks)
+    roads, labels = [*map(_road_of, load_tracks(env.tracks))], labels_of(env.tracks)
     driven = episodes.last(TRACK_RECORD)
 
     def frames() -> Iterator[Frame]:

@@ -33,8 +33,8 @@ def doubts_about(
     lines = [beyond_the_car(actions)]
     for track, label in zip(tracks, labels_of(tracks), strict=True):
         where = f"on track '{label}' " if len(tracks) > 1 else ""
-        found = _too_long(track, actions, limit), _no_way_past(track, objects)
-        lines += [f"{where}{line}" for line in found if line]
+        doubts = _too_long(track, actions, limit), _no_way_past(track, objects)
+        lines += [f"{where}{line}" for line in doubts if line]
     return [line for line in lines if line]
 
 

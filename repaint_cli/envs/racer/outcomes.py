@@ -54,18 +54,18 @@ def _by_track(episodes: Episodes, names: Sequence[str], lap_times: np.ndarray) -
     if driven is None:
         return {}
     progress, _, _ = _ends(episodes)
-    found = {}
+    by_track = {}
     for t, name in enumerate(names):
         own = [np.flatnonzero(row == t) for row in driven]  # [S] of episodes
         laps = [row[e][~np.isnan(row[e])] for row, e in zip(lap_times, own, strict=True)]
-        found[name] = {
+        by_track[name] = {
             "episodes": [e.tolist() for e in own],
             "mean_return": _means(episodes.returns, own),
             "mean_progress": _means(progress, own),
             "laps": [len(times) for times in laps],
             "mean_lap_time": [float(times.mean()) if len(times) else None for times in laps],
         }
-    return found
+    return by_track
 
 
 def _means(numbers: np.ndarray, own: Sequence[np.ndarray]) -> list[float]:

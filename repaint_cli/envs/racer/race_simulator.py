@@ -33,6 +33,10 @@ class RaceSimulator(RacerSimulator):
         """Return them; see `RacerSimulator.race_rules`."""
         return self.race
 
+    def settled(self) -> Self:
+        """Return itself: the time limit of a lap is the card's, or follows."""
+        return self
+
     def longest_episode(self) -> int:
         """Return the time limit of a race: that of its laps together, in steps."""
         return self.race.laps * super().longest_episode()

@@ -39,14 +39,14 @@ class RacerSimulator(RacerSettings):
         from repaint_cli.envs.racer.env import RacerVectorEnv
         from repaint_cli.envs.racer.sight.appearance import RandomAppearance
         from repaint_cli.envs.racer.sight.noise import Noise
-        from repaint_cli.envs.racer.track.files import load_track
+        from repaint_cli.envs.racer.track.files import load_tracks
 
         appearance, noisy = None, self.training_noise or not training
         if training and (self.random_light or self.random_colours):
             appearance = RandomAppearance(self.random_light, self.random_colours)
         try:
             return RacerVectorEnv(
-                [load_track(name, self.waypoints) for name in self.tracks], n_envs,
+                load_tracks(self.tracks, self.waypoints), n_envs,
                 car=self.car, actions=self.actions, sensors=self.sensors, objects=self.objects,
                 crash=self.crash, range_min=self.range_min, max_steps=self.longest_episode(),
                 noise=Noise.of(noise) if noise and noisy else None,

@@ -125,6 +125,10 @@ def plot_progress(
     _plot_training_progress(axes, episodes)
     k = np.arange(1, len(evaluated) + 1)
     axes.plot(k, evaluated, color="#0072B2", linewidth=2, label="mean of the evaluation")
+    if len(k) == 1:  # lines of one point show nothing
+        axes.set_xlim(0.5, 1.5)
+        for line in axes.lines[1:]:
+            line.set_marker("o")
     axes.set_ylim(-3, 103)
     axes.set_xlabel("iteration", size=style.TEXT_SIZE)
     axes.set_ylabel("lap progress [%]", size=style.TEXT_SIZE)

@@ -11,7 +11,7 @@ from repaint_cli.envs.racer.dynamics.directions import Rows
 from repaint_cli.envs.racer.dynamics.fleet import Fleet
 from repaint_cli.envs.racer.dynamics.rules import IN_PROGRESS
 from repaint_cli.envs.racer.simulator import RacerSimulator
-from repaint_cli.envs.racer.track.files import load_track
+from repaint_cli.envs.racer.track.files import load_tracks
 from repaint_cli.envs.racer.track.geometry import Floats
 from repaint_cli.errors import CardError
 
@@ -85,6 +85,19 @@ def nearest(commands: Floats, steering: Floats, speed: Floats) -> Rows:
     return np.asarray((steering_gaps + 1e-3 * speed_gaps).argmin(axis=1))
 
 
+def fleet_of(env: RacerSimulator, n: int) -> Fleet:
+    """Return N cars with what a card says of them; `start` puts them on the road.
+
+    Raises:
+        CardError: [env] is refused.
+    """
+    tracks = load_tracks(env.tracks, env.waypoints)
+    try:
+        return Fleet(tracks, n, env.car, env.longest_episode(), env.objects, env.crash)
+    except ValueError as error:
+        raise CardError(f"[env]: {error}") from error
+
+
 def sample_rewards(
     env: RacerSimulator, name: str, source: str
 ) -> tuple[np.ndarray, np.ndarray, list[str]]:
@@ -98,11 +111,7 @@ def sample_rewards(
     Raises:
         CardError: the function failed, or [env] is refused.
     """
-    tracks = [load_track(name, env.waypoints) for name in env.tracks]
-    try:
-        fleet = Fleet(tracks, N_CARS, env.car, env.longest_episode(), env.objects, env.crash)
-    except ValueError as error:
-        raise CardError(f"[env]: {error}") from error
+    fleet = fleet_of(env, N_CARS)
     functions = [RewardFunction(name, source) for _ in range(N_CARS)]
     phi, rewards, names = [], [], list[str]()
     commands = commands_for(env.actions).examples

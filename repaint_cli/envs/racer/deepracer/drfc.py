@@ -140,6 +140,9 @@ def read_run_env(path: Path) -> DrfcSettings:
         times = [_value(path, name, given.get(name, usual), float) for name, usual in waits]
         settings.card["env.bot_waits"] = times
     _add_ways(path, given, settings.card)
+    n_boxes, places = "DR_OA_NUMBER_OF_OBSTACLES", "DR_OA_OBJECT_POSITIONS"
+    if kind == "OBJECT_AVOIDANCE" and n_boxes in given and places in given:
+        settings.unread[f"{n_boxes} = {given[n_boxes]}"] = f"{places} says how many there are"
     for name, value in given.items():
         if why := _why_unread(name, kind):
             settings.unread[f"{name} = {value}"] = why
@@ -178,7 +181,7 @@ def _variables(path: Path) -> dict[str, str]:
     """Return the variables that a file of the shell sets, those that it refers to put in place."""
     with reported_as(CardError):
         text = read_text(path)
-    found: dict[str, str] = {}
+    variables: dict[str, str] = {}
     for number, line in enumerate(text.splitlines(), 1):
         try:
             words = [word for word in shlex.split(line, comments=True) if word != "export"]
@@ -188,8 +191,8 @@ def _variables(path: Path) -> dict[str, str]:
             name, equals, value = word.partition("=")
             if not equals or not name.isidentifier():
                 raise CardError(f"{path}:{number}: expected NAME=value, found {line!r:.80}")
-            found[name] = Template(value).safe_substitute(found)
-    return found
+            variables[name] = Template(value).safe_substitute(variables)
+    return variables
 
 
 def _value(path: Path, name: str, text: str, read: Reader) -> Any:

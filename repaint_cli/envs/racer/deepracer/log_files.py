@@ -42,8 +42,8 @@ def find_logs(paths: Sequence[Path]) -> tuple[list[LogFile], list[str]]:
             continue
         tables = _below(path, f"*{SUFFIX}")
         training = [table for table in tables if table.parent.name == TRAINING]
-        found = training or tables or _below(path, "*.log")
-        if not found:
+        paths = training or tables or _below(path, "*.log")
+        if not paths:
             raise NotFound(
                 f"expected logs in '{path!s:.500}', *{SUFFIX} or *.log, found none; name a file, "
                 "a run's folder or DeepRacer's folder of a model"
@@ -53,7 +53,7 @@ def find_logs(paths: Sequence[Path]) -> tuple[list[LogFile], list[str]]:
                 f"{rest} log{'s' * (rest != 1)} of evaluations left out; name the folder or file "
                 "to replay one"
             )
-        files += [LogFile(one, _label(one, path)) for one in sorted(found, key=_order)]
+        files += [LogFile(one, _label(one, path)) for one in sorted(paths, key=_order)]
     return files, notes
 
 
@@ -63,10 +63,10 @@ def _below(folder: Path, pattern: str) -> list[Path]:
     Raises:
         NotFound: there are too many.
     """
-    found = list(islice(folder.rglob(pattern), MOST_FILES + 1))
-    if len(found) > MOST_FILES:
+    paths = list(islice(folder.rglob(pattern), MOST_FILES + 1))
+    if len(paths) > MOST_FILES:
         raise NotFound(f"expected at most {MOST_FILES:,} logs in '{folder}', found more")
-    return [path for path in found if path.is_file()]
+    return [path for path in paths if path.is_file()]
 
 
 def _order(path: Path) -> tuple[str, int, str]:

@@ -18,7 +18,7 @@ from repaint_cli.envs.racer.deepracer.reward_file import RewardFunction
 from repaint_cli.envs.racer.dynamics.rules import IN_PROGRESS, reward_terms
 from repaint_cli.envs.racer.names import STATUS, TERMS
 from repaint_cli.envs.racer.simulator import RacerSimulator
-from repaint_cli.envs.racer.track.files import load_track
+from repaint_cli.envs.racer.track.files import load_tracks
 from repaint_cli.envs.racer.track.geometry import Floats
 from repaint_cli.errors import CardError, NotFound
 
@@ -36,7 +36,7 @@ def replay(
 ) -> Replay:
     """Pay the episodes of logs by another reward; see `LogFormat.replay`."""
     files, notes = find_logs(logs)
-    tracks = [load_track(name, env.waypoints) for name in env.tracks]
+    tracks = load_tracks(env.tracks, env.waypoints)
     pay: Pay = FunctionPay(*code) if code else TermsPay(weights, TERMS)
     output, parts = CountedPrints(), list[tuple[ReplayedEpisode, Floats, Floats]]()
     n_races = 0
@@ -70,7 +70,7 @@ def _replayed(
     """Return an episode with what it was and is paid, and both for each step that is paid."""
     trace, paid = episode.logged.trace, episode.paid
     logged, new = trace.reward[paid], pay(episode)[paid]
-    told = ReplayedEpisode(
+    outcome = ReplayedEpisode(
         log=file.label,
         number=episode.logged.number,
         steps=int(paid.sum()),
@@ -80,7 +80,7 @@ def _replayed(
         logged=float(logged.sum()),
         new=float(new.sum()),
     )
-    return told, logged, new
+    return outcome, logged, new
 
 
 class FunctionPay:

@@ -14,15 +14,13 @@ from repaint_cli.envs.racer.deepracer.reward_file import RewardFunction
 from repaint_cli.envs.racer.dynamics.car import YAW
 from repaint_cli.envs.racer.dynamics.commands import commands_for
 from repaint_cli.envs.racer.dynamics.directions import Rows
-from repaint_cli.envs.racer.dynamics.fleet import Fleet
 from repaint_cli.envs.racer.dynamics.rules import IN_PROGRESS, LAP_COMPLETE
 from repaint_cli.envs.racer.sight.noise import Noise, disturb_command
 from repaint_cli.envs.racer.simulator import RacerSimulator
-from repaint_cli.envs.racer.track.files import load_track
 from repaint_cli.envs.racer.track.geometry import Floats
-from repaint_cli.envs.racer.wander import EXPLORATION, STEPS_PER_AIM, nearest, steering_to
+from repaint_cli.envs.racer.wander import EXPLORATION, STEPS_PER_AIM, fleet_of, nearest, steering_to
 from repaint_cli.envs.reward_functions import FunctionCheck
-from repaint_cli.errors import CardError, RewardFailed, some
+from repaint_cli.errors import RewardFailed, some
 
 N_CARS, N_STEPS = 64, 200
 """Of those that wander."""
@@ -49,18 +47,13 @@ class _Drive:
         Raises:
             CardError: [env] is refused.
         """
-        tracks = [load_track(name, env.waypoints) for name in env.tracks]
-        steps = env.longest_episode()
-        try:
-            self.fleet = Fleet(tracks, N_CARS, env.car, steps, env.objects, env.crash)
-        except ValueError as error:
-            raise CardError(f"[env]: {error}") from error
+        self.fleet = fleet_of(env, N_CARS)
         cars = np.arange(N_CARS)
         self._commands = commands_for(env.actions).examples
         self._rng = np.random.default_rng(seed)
         self._rngs = self._rng.spawn(N_CARS)
         self._reverse, self._noisy = cars % 2 == 1, cars // 2 % 2 == 1
-        n = len(tracks)
+        n = len(self.fleet.tracks)
         self._tracks = (cars // 4 if 4 * n <= N_CARS else cars) % n  # each in all the ways above
         self._n_lap_cars = max(LAP_CARS, min(4 * n, N_CARS // 2))
         self._laps = cars < self._n_lap_cars

@@ -29,11 +29,11 @@ MAX_TEXT_BYTES, MAX_STEPS = 2**31, 2_000_000
 
 def text_line(values: Sequence[Any]) -> str:
     """Return a step's line; the values are those of a row of a simtrace, numbers or their texts."""
-    told = (
+    written = (
         form % (value if form == "%s" else float(value))
         for form, value in zip(FORMS, values, strict=True)
     )
-    return f"{MARK}{','.join(told)}\n"
+    return f"{MARK}{','.join(written)}\n"
 
 
 def read_lines(path: Path) -> Iterator[dict[str, str]]:
@@ -48,10 +48,10 @@ def read_lines(path: Path) -> Iterator[dict[str, str]]:
     try:
         with path.open(encoding="utf-8", errors="replace") as file:
             while line := file.readline(MAX_LINE):  # a longer one comes in pieces
-                _, mark, told = line.partition(MARK)
-                if not mark or not told.endswith("\n"):
+                _, mark, rest = line.partition(MARK)
+                if not mark or not rest.endswith("\n"):
                     continue
-                values = told.partition("\t")[0].strip().split(",")
+                values = rest.partition("\t")[0].strip().split(",")
                 if len(values) < LEAST:
                     raise ValueError(
                         f"expected at least {LEAST} values after {MARK}, found {len(values)}"

@@ -50,7 +50,7 @@ def drive_bots(
     rows: np.ndarray, seconds: float, speed: float, change_length: float, centre: np.ndarray,
     distances: np.ndarray, inner: np.ndarray, outer: np.ndarray, along: np.ndarray,
     goals: np.ndarray, changed: np.ndarray, waits: np.ndarray, waiting: np.ndarray,
-    turns: np.ndarray, paused: np.ndarray, poses: np.ndarray,
+    n_changes: np.ndarray, paused: np.ndarray, poses: np.ndarray,
 ) -> None:  # fmt: skip
     """Move the bots of some cars, in place.
 
@@ -68,7 +68,7 @@ def drive_bots(
         changed: share of the lane change that its middle has done, (N, B).
         waits: times between its changes, (N, B, W), s.
         waiting: what is left of that time, (N, B), s.
-        turns: lane changes so far, (N, B).
+        n_changes: lane changes so far, (N, B).
         paused: how long the bots of a car stand still yet, (N,), s.
         poses: filled, (N, B, 4).
     """
@@ -86,8 +86,8 @@ def drive_bots(
                 if waiting[row, bot] <= 0.0:
                     goals[row, bot] = -goals[row, bot]
                     changed[row, bot] = -reach
-                    turns[row, bot] += 1
-                    waiting[row, bot] = waits[row, bot, turns[row, bot] % waits.shape[2]]
+                    n_changes[row, bot] += 1
+                    waiting[row, bot] = waits[row, bot, n_changes[row, bot] % waits.shape[2]]
             where, goal, share = along[row, bot], goals[row, bot], changed[row, bot]
             side = side_at(goal, share)
             fx, fy = lane_point(

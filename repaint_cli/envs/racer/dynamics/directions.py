@@ -78,7 +78,7 @@ class Directions:
         return nearest
 
 
-class Turns:
+class TrackSchedule:
     """Which of several tracks each of N cars drives in its next episode."""
 
     def __init__(self, n_tracks: int, n: int) -> None:

@@ -77,7 +77,7 @@ class Objects:
         self._changed = np.ones((n, n_objects))
         self._waits = np.full((n, n_objects, _WAITS), np.inf)
         self._waiting = np.zeros((n, n_objects))
-        self._turns = np.zeros((n, n_objects), np.int64)
+        self._n_changes = np.zeros((n, n_objects), np.int64)
         self._paused = np.zeros(n)
 
     def start(
@@ -91,7 +91,7 @@ class Objects:
                 self._waits[row] = rng.uniform(*settings.waits, (settings.n, _WAITS))
         self._waiting[rows] = self._waits[rows, :, 0]
         self._changed[rows] = 1.0 + HALF_BASE / settings.change_length
-        self._turns[rows] = 0
+        self._n_changes[rows] = 0
         self._paused[rows] = 0.0
         self._move(road, rows, 0.0)
 
@@ -103,8 +103,8 @@ class Objects:
     def _move(self, road: Track, rows: NDArray[np.int64], seconds: float) -> None:
         drive_bots(
             rows, seconds, self.speed, self.settings.change_length, *road.lines, self.along,
-            self._goal_sides, self._changed, self._waits, self._waiting, self._turns, self._paused,
-            self.poses,
+            self._goal_sides, self._changed, self._waits, self._waiting, self._n_changes,
+            self._paused, self.poses,
         )  # fmt: skip
 
     def free_points(self, road: Track, rows: NDArray[np.int64], along: Floats) -> Floats:

@@ -1,6 +1,7 @@
 """Tracks by name, or from a file of waypoints."""
 
 import os
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Literal
 
@@ -18,6 +19,11 @@ def shipped_tracks() -> dict[str, Path]:
     """Return the files of the shipped tracks by name."""
     folder = shipped("tasks") / "racer" / "tracks"
     return {path.stem: path for path in sorted(folder.glob("*.npy"))}
+
+
+def load_tracks(names: Iterable[str], waypoints: Waypoints = "file") -> list[Track]:
+    """Read several tracks; see `load_track`."""
+    return [load_track(name, waypoints) for name in names]
 
 
 def load_track(name: str, waypoints: Waypoints = "file") -> Track:

@@ -29,7 +29,7 @@ def plot_track(track: Track, path: Path, facts: str) -> None:
     edge, _ = track.outline
     low, high = edge.min(0) - 0.3, edge.max(0) + 0.3
     width, height = high - low
-    figure = style.new_figure(WIDTH, 1.2 + (WIDTH - 1) * float(np.clip(height / width, 0.3, 1.6)))
+    figure = style.new_figure(WIDTH, 1.7 + (WIDTH - 1) * float(np.clip(height / width, 0.1, 1.6)))
     style.headline(figure, track.name)
     axes = figure.subplots()
     axes.set_title(facts, size=style.NOTE_SIZE, color=style.INK)
