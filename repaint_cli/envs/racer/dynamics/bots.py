@@ -46,6 +46,26 @@ def side_at(goal: float, changed: float) -> float:
 
 
 @kernel
+def place_bot(
+    centre: np.ndarray, distances: np.ndarray, inner: np.ndarray, outer: np.ndarray, where: float,
+    goal: float, share: float, reach: float, pose: np.ndarray,
+) -> None:  # fmt: skip
+    """Fill a pose, (4,), at an arclength, with the lane change to a side done by a share.
+
+    The front axle is further in the change by `reach`, and the rear one less far.
+    """
+    side = side_at(goal, share)
+    fx, fy = lane_point(
+        centre, distances, inner, outer, where + HALF_BASE, side_at(goal, share + reach)
+    )
+    rx, ry = lane_point(
+        centre, distances, inner, outer, where - HALF_BASE, side_at(goal, share - reach)
+    )
+    x, y = lane_point(centre, distances, inner, outer, where, side)
+    pose[X], pose[Y], pose[YAW], pose[SIDE] = x, y, np.arctan2(fy - ry, fx - rx), side
+
+
+@kernel
 def drive_bots(
     rows: np.ndarray, seconds: float, speed: float, change_length: float, centre: np.ndarray,
     distances: np.ndarray, inner: np.ndarray, outer: np.ndarray, along: np.ndarray,
@@ -88,17 +108,7 @@ def drive_bots(
                     changed[row, bot] = -reach
                     n_changes[row, bot] += 1
                     waiting[row, bot] = waits[row, bot, n_changes[row, bot] % waits.shape[2]]
-            where, goal, share = along[row, bot], goals[row, bot], changed[row, bot]
-            side = side_at(goal, share)
-            fx, fy = lane_point(
-                centre, distances, inner, outer,
-                where + HALF_BASE, side_at(goal, share + reach),
+            place_bot(
+                centre, distances, inner, outer, along[row, bot], goals[row, bot],
+                changed[row, bot], reach, poses[row, bot],
             )  # fmt: skip
-            rx, ry = lane_point(
-                centre, distances, inner, outer,
-                where - HALF_BASE, side_at(goal, share - reach),
-            )  # fmt: skip
-            x, y = lane_point(centre, distances, inner, outer, where, side)
-            poses[row, bot, X], poses[row, bot, Y] = x, y
-            poses[row, bot, YAW] = np.arctan2(fy - ry, fx - rx)
-            poses[row, bot, SIDE] = side
