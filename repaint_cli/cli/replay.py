@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Annotated
 
 from repaint_cli.cli import completion
-from repaint_cli.cli.options import WHAT, WRITE, AsJson, argument, option
+from repaint_cli.cli.options import HOW, WRITE, AsJson, argument, option
 
 
 def replay(
@@ -17,7 +17,7 @@ def replay(
     task: Annotated[
         str,
         option(
-            WHAT,
+            HOW,
             "TASK",
             "The card whose reward pays, and on whose track the logs were driven.",
             autocompletion=completion.tasks,
