@@ -93,7 +93,7 @@ def test_boxes_have_drfcs_defaults(tmp_path):
     assert (places["env.n_boxes"], places["env.object_places"]) == (2, [[0.23, -1], [0.46, 1]])
     given = read(tmp_path, OBJECTS + 'DR_OA_OBJECT_POSITIONS="0.23,-1"\n')
     (why,) = given.unread.values()
-    assert why == "DR_OA_OBJECT_POSITIONS says how many there are"
+    assert why == "DR_OA_OBJECT_POSITIONS = 0.23,-1 outranks it"
     cars = read(tmp_path, OBJECTS + "DR_OA_IS_OBSTACLE_BOT_CAR=True\n").card
     assert (cars["env.n_bots"], cars["env.bot_speed"], cars["env.crash"]) == (4, 0.0, "any")
     assert "env.n_boxes" not in cars

@@ -13,7 +13,7 @@ from repaint_cli.envs.output import CountedPrints, output_to
 from repaint_cli.envs.racer.actions import ActionRanges
 from repaint_cli.envs.racer.deepracer.model_files import model_metadata, read_model_metadata
 from repaint_cli.envs.racer.deepracer.reward_check import check_function
-from repaint_cli.envs.racer.deepracer.simtrace_reader import read_simtrace, read_training
+from repaint_cli.envs.racer.deepracer.simtrace_reader import read_episodes, read_training
 from repaint_cli.envs.racer.dynamics.commands import commands_for
 from repaint_cli.envs.racer.env import RacerVectorEnv
 from repaint_cli.envs.racer.sight.noise import Noise
@@ -32,6 +32,10 @@ SETTING = "env.actions={ steering_angle = [-25, 25], speed = [0.6, 1.8] }"
 TASK = read_task("racer-inner").with_settings([SETTING])
 CAR = Spaces((120, 160, 1), 2, False)
 NET = QUICK_LAP[QUICK_LAP.index("net.conv=[[4,8,8]]") :: 2]
+
+
+def traces_in(path):
+    return [episode.trace for episode in read_episodes(path)]
 
 
 def cars(n=1, actions=RANGES, **settings):
@@ -193,7 +197,7 @@ REAL_ROWS = """episode,steps,X,Y,yaw,steer,throttle,action,reward,done,all_wheel
 
 def test_logs_of_continuous_actions_are_read(tmp_path):
     (tmp_path / "0-iteration.csv").write_text(REAL_ROWS)
-    (trace,) = read_simtrace(tmp_path / "0-iteration.csv")
+    (trace,) = traces_in(tmp_path / "0-iteration.csv")
     assert trace.action.tolist() == [-1, -1]
     assert trace.steer.tolist() == [-12.5, 3.0]
 
@@ -280,7 +284,7 @@ def test_a_training_is_logged_evaluated_and_filmed(repaint, home, monkeypatch):
     folder = home / "run" / "deepracer" / "seed-0"
     metadata = json.loads((folder / "model" / "model_metadata.json").read_text())
     assert metadata["action_space"]["steering_angle"] == {"high": 25.0, "low": -25.0}
-    drives = [trace for _, traces in read_training(folder) for trace in traces]
+    drives = [one.trace for _, episodes in read_training(folder) for one in episodes]
     steer = np.concatenate([trace.steer for trace in drives])
     assert len(np.unique(steer)) > 10
     assert np.abs(steer).max() <= 25
@@ -289,7 +293,7 @@ def test_a_training_is_logged_evaluated_and_filmed(repaint, home, monkeypatch):
                    "--simtrace", "logs")  # fmt: skip
     assert said.code == 0, said.err
     assert (home / "run" / "video.mp4").stat().st_size > 500
-    (one, *_) = read_simtrace(home / "logs" / "training-simtrace" / "0-iteration.csv")
+    (one, *_) = traces_in(home / "logs" / "training-simtrace" / "0-iteration.csv")
     assert 0.6 <= one.throttle.min() <= one.throttle.max() <= 1.8
     assert repaint("zoo", "verify", "mine", "--score").code == 0
 

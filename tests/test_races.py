@@ -2,12 +2,15 @@
 
 import json
 from dataclasses import replace
+from io import StringIO
 from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
+from rich.console import Console
 
+from repaint_cli.cli.episode_table import table
 from repaint_cli.envs.episodes import Episodes
 from repaint_cli.envs.racer.dynamics.car import commands_of
 from repaint_cli.envs.racer.dynamics.objects import ObjectSettings, places
@@ -255,7 +258,9 @@ def test_the_races_table_and_record(repaint, home, tmp_path):
     )  # fmt: skip
     assert said.code == 0, said.err
     assert "race of 2 laps" in said.out
-    assert all(len(line) <= 80 for line in said.out.splitlines()[:3])
+    row = said.out.splitlines()[2]  # in one line of 80 columns
+    assert "2 of 2" in row
+    assert row.rstrip().endswith("[0, 0]")
     assert "2 of 2" in said.out
     (record,) = tmp_path.glob("runs/racer-inner/eval-race-*/eval.json")
     found = json.loads(record.read_text())
@@ -273,7 +278,7 @@ def test_a_path_breaks_where_a_car_is_put_back_and_every_mishap_is_marked(home, 
 
     shown = []
     monkeypatch.setattr(figures, "plot_racer", lambda panels, *_: shown.extend(panels))
-    xy = np.array([[[0, 0], [1, 0], [9, 9], [1, 1], [2, 1]]], float)  # left at (9, 9)
+    xy = np.array([[[0, 0.5], [1, 0.5], [9, 9], [1, 5], [2, 5]]], float)  # left at (9, 9)
     status = np.array([0, 0, OFF_TRACK, 0, CRASHED], float)[:, None, None]
     boxes = np.tile([2.0, 1.0, 0.0], (5, 1, 1, 1, 1))
     raced = Episodes(
@@ -286,10 +291,34 @@ def test_a_path_breaks_where_a_car_is_put_back_and_every_mishap_is_marked(home, 
     (panel,) = shown
     assert_array_equal(np.isnan(panel.xy[0, :, 0]), [False, False, False, True, False])
     assert_array_equal(panel.exits, [[9, 9]])
-    assert_array_equal(panel.crashes, [[2, 1]])
+    assert_array_equal(panel.crashes, [[2, 5]])
     assert_allclose(panel.boxes, [[[1.8, 0.9], [2.2, 0.9], [2.2, 1.1], [1.8, 1.1]]])
     passed, _ = sweep(panel.xy, np.ones((1, 5)), np.zeros(2), np.full(2, 10.0))
-    assert passed[500 * len(passed) // 1000, 500 * passed.shape[1] // 1000] == 0  # of the jump
+    rows, columns = passed.shape
+    assert passed[7 * rows // 10, 5 * columns // 10] == 0  # on the way that it was carried back
+    assert passed[7 * rows // 10, 55 * columns // 100] == 0
+    assert passed[5 * rows // 100, 5 * columns // 100] == 1  # where it drove
+    assert "objects" in racer(n_boxes=1).paths.records  # which evaluations keep for that
+
+
+@pytest.mark.parametrize(("width", "intervals"), [(80, 3), (70, 1), (60, 0)])
+def test_a_narrow_table_has_fewer_intervals_and_breaks_no_row(width, intervals):
+    rng = np.random.default_rng(0)
+    evaluated = episodes(rng.normal(300, 50, (1, 6)), rng.uniform(20, 99, (1, 6)), [[20.0] * 6])
+    text = StringIO()
+    shown = table("name", [7], racer(), evaluated)
+    Console(file=text, width=width).print(shown)
+    _, head, row, *more = text.getvalue().splitlines()
+    assert not more
+    assert row.count("[") == intervals
+    assert ("[95 % CI]" in head) == (intervals > 0)
+    assert "crashes, %" in head
+
+
+def test_a_races_time_limit_does_not_grow_when_it_is_settled():
+    race = racer().racing(read_task("racer-inner").eval)
+    assert race.longest_episode() == 3 * racer().longest_episode()
+    assert race.settled().longest_episode() == race.longest_episode()
 
 
 def test_only_races_are_raced(repaint, home):

@@ -12,7 +12,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from small_runs import QUICK_LAP
 
 from repaint_cli.envs.racer.deepracer.params import params_in
-from repaint_cli.envs.racer.deepracer.simtrace_reader import read_training
+from repaint_cli.envs.racer.deepracer.simtrace_reader import LoggedEpisode, read_training
 from repaint_cli.envs.racer.deepracer.traces import traces_of
 from repaint_cli.envs.racer.deepracer.which_track import track_driven
 from repaint_cli.envs.racer.dynamics.encounters import NEXT
@@ -360,8 +360,8 @@ def test_a_run_logs_draws_films_and_reports_each_track(repaint, home, monkeypatc
         "heatmap-oval.png", "heatmap-wide-loop.png"
     }  # fmt: skip
     roads = [load_track(name) for name in names]
-    traces = [trace for _, some in read_training(home / "run/deepracer/seed-0") for trace in some]
-    assert [track_driven(trace, roads) for trace in traces] == [0, 1, 0, 1, 0, 1]
+    logged = [one for _, some in read_training(home / "run/deepracer/seed-0") for one in some]
+    assert [track_driven(one, roads) for one in logged] == [0, 1, 0, 1, 0, 1]
     rows = "".join(
         path.read_text() for path in sorted((home / "run/deepracer").rglob("*-iteration.csv"))
     ).splitlines()
@@ -402,4 +402,10 @@ def test_a_log_of_one_road_both_ways_round_is_told_apart(home):
     episodes = evaluate(student(task), task, [0], 6)
     traces = traces_of(episodes.steps, task.env.actions, 0)
     assert [trace.track for trace in traces] == [0, 1, 2] * 2
-    assert [track_driven(trace, roads) for trace in traces] == [0, 1, 2] * 2
+    nothing = np.empty(0)
+    logged = [
+        LoggedEpisode(0, trace, nothing, nothing, nothing, roads[trace.track].length)
+        for trace in traces
+    ]
+    assert [track_driven(one, roads) for one in logged] == [0, 1, 2] * 2
+    assert track_driven(replace(logged[0], track_length=30.0), roads) is None

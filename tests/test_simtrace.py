@@ -13,7 +13,7 @@ from small_runs import QUICK_LAP, log_of
 from repaint_cli.envs.episodes import Steps
 from repaint_cli.envs.racer.deepracer.model_files import read_hyperparameters, read_model_metadata
 from repaint_cli.envs.racer.deepracer.simtrace import COLUMNS
-from repaint_cli.envs.racer.deepracer.simtrace_reader import read_simtrace, read_training
+from repaint_cli.envs.racer.deepracer.simtrace_reader import read_episodes, read_training
 from repaint_cli.envs.racer.deepracer.traces import Trace, traces_of
 from repaint_cli.envs.racer.names import STATUS
 from repaint_cli.envs.racer.track.files import load_track
@@ -25,6 +25,10 @@ REAL = Path(__file__).parents[2] / "shared" / "data" / "deepracer" / "logs"
 ALONE = ("training-simtrace/0-iteration.csv", "metrics/TrainingMetrics.json")
 TEXT = "logs/training/training-repaint-robomaker.log"
 TASK = read_task("racer-inner")
+
+
+def traces_in(path):
+    return [episode.trace for episode in read_episodes(path)]
 
 
 def trace(n_steps=3, status="off_track", seed=0):
@@ -57,7 +61,8 @@ def test_what_is_written_is_read_again(tmp_path):
     log_of(tmp_path, TASK).train(1, written)
     ((k, read),) = read_training(tmp_path)
     assert k == 1
-    for ours, theirs in zip(written, read, strict=True):
+    for ours, episode in zip(written, read, strict=True):
+        theirs = episode.trace
         assert theirs.status == ours.status
         for name in vars(ours):
             assert_array_equal(getattr(theirs, name), getattr(ours, name), err_msg=name)
@@ -217,7 +222,7 @@ def test_the_other_way_the_waypoints_are_counted_the_other_way(repaint, home):
         "--set", "eval.both_directions=true",
     )  # fmt: skip
     assert said.code == 0
-    there, back = read_simtrace(home / "mine" / ALONE[0])
+    there, back = traces_in(home / "mine" / ALONE[0])
     track = load_track(TASK.env.track)
     for drive, road in ((there, track), (back, track.reversed())):
         gaps = np.hypot(*(road.centre[drive.closest_waypoint] - drive.xy).T)
@@ -237,7 +242,7 @@ def test_settings_come_back_from_the_files_beside_the_log(tmp_path):
 
 @pytest.mark.skipif(not REAL.is_dir(), reason="the DeepRacer logs are not here")
 def test_real_logs_are_read():
-    drives = read_simtrace(REAL / "drfc1-training-12-iteration.csv")
+    drives = traces_in(REAL / "drfc1-training-12-iteration.csv")
     assert len(drives) == 20
     assert {drive.status for drive in drives} == {"off_track"}
     assert sum(map(len, drives)) == 1373

@@ -168,11 +168,11 @@ def _next_command(options: EvaluateOptions, evaluation: "Evaluation") -> str:
     policies = evaluation.policies
     if policies.teacher is None:
         run = policies.run_folder
-        if policies.folder == run:  # a run's page shows its film and pictures
-            return command("repaint open {}", run)
-        race = " --race" * options.race
-        film = " --render-offscreen" * (not options.render_offscreen)
-        return command(f"repaint eval {{}}{race or film}{film * bool(race)}", run)
+        if policies.folder == run or options.render_offscreen:
+            return command("repaint open {}", run)  # its page shows its own film and pictures
+        sets = options.set or []
+        form = "repaint eval {}" + " --set {}" * len(sets) + " --race" * options.race
+        return command(f"{form} --render-offscreen", run, *sets)
     name = split(options.policy or "")[0]
     if policies.teacher.task.reward_code:
         return command("repaint similarity {}", str(options.task))

@@ -158,8 +158,8 @@ def test_the_largest_tables_take_their_share_of_memory(tmp_path, monkeypatch):
     with reading.watched("metrics.csv", table.encode()):
         assert read_run(tmp_path).returns.shape == (1, MAX_CELLS // 8 - 2)
     with reading.watched("a log", log.encode()):
-        ((_, (trace,)),) = read_training(tmp_path)
-    assert len(trace) == MAX_CELLS // 14 - 2
+        ((_, (episode,)),) = read_training(tmp_path)
+    assert len(episode.trace) == MAX_CELLS // 14 - 2
     assert reading.failures == []
 
 

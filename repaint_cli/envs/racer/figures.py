@@ -105,10 +105,11 @@ def draw_training(
         progress: mean progress of each evaluation, (K,) in %.
         title: over both.
     """
-    training = [(k, trace) for k, traces in read_training(log) for trace in traces]
+    logged = [(k, episode) for k, episodes in read_training(log) for episode in episodes]
+    training = [(k, episode.trace) for k, episode in logged]
     tracks, labels = load_tracks(env.tracks, env.waypoints), labels_of(env.tracks)
-    driven = np.array([track_driven(trace, tracks) for _, trace in training])
     several, heatmaps = len(tracks) > 1, []
+    driven = np.array([track_driven(one, tracks) if several else 0 for _, one in logged])
     for t, (track, label) in enumerate(zip(tracks, labels, strict=True)):
         own = [training[i] for i in np.flatnonzero(driven == t)]
         name = f"heatmap-{label.replace('/', '-')}.png" if several else "heatmap.png"
@@ -156,6 +157,6 @@ def filmed(episodes: Episodes, e: int, objects: ObjectSettings = NOTHING) -> Fil
         images=images[..., 0],
         ranges=np.empty((steps, 0)) if ranges is None else ranges,
         objects=state.get("objects", np.empty((steps, 0, 3))),
-        object_size=objects.box_size[:2],
+        box_size=objects.box_size[:2],
         are_boxes=objects.boxes,
     )

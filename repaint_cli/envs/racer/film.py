@@ -63,7 +63,7 @@ class FilmedEpisode:
     one."""
     objects: Floats
     """Other cars' or boxes' x, y (m) and heading (rad), (T, B, 3)."""
-    object_size: tuple[float, float] = CAR_SIZE
+    box_size: tuple[float, float] = (0.0, 0.0)
     """Length and width of boxes, m."""
     are_boxes: bool = False
     """Whether they are boxes."""
@@ -101,7 +101,7 @@ def racer_frames(
         view = road.copy()
         for x, y, heading in episode.objects[t].tolist():
             if episode.are_boxes:
-                _draw_box(view, to_pixels(body_corners(x, y, heading, episode.object_size)))
+                _draw_box(view, to_pixels(body_corners(x, y, heading, episode.box_size)))
             else:
                 _draw_car(view, to_pixels(_car(x, y, heading)), BOT_COLOUR)
         _draw_car(

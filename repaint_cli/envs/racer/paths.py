@@ -22,7 +22,8 @@ class RacerPaths(PathFormat):
     @property
     def records(self) -> tuple[str, ...]:
         """The records that `draw` shows; see `PathFormat.records`."""
-        return "speed", "progress", "status", *(TRACK_RECORD,) * (len(self._tracks) > 1)
+        several = (TRACK_RECORD,) * (len(self._tracks) > 1)
+        return "speed", "progress", "status", *several, *(("objects",) if self._box_size else ())
 
     def paths_of(
         self,

@@ -111,6 +111,14 @@ REASONS = {
 }
 """Why a setting has no counterpart, by how its name begins; the first that fits."""
 
+OUTRANKED: dict[str, tuple[str, bool | None]] = {
+    "DR_OA_NUMBER_OF_OBSTACLES": ("DR_OA_OBJECT_POSITIONS", None),
+    "DR_TRAIN_ROUND_ROBIN_ADVANCE_DIST": ("DR_TRAIN_CHANGE_START_POSITION", False),
+    "DR_TRAIN_REVERSE_DIRECTION": ("DR_TRAIN_ALTERNATE_DRIVING_DIRECTION", True),
+    "DR_EVAL_MAX_RESETS": ("DR_EVAL_IS_CONTINUOUS", False),
+}
+"""By which other setting one has no effect, at which of its values; None is any."""
+
 
 def read_run_env(path: Path) -> DrfcSettings:
     """Read a `run.env`.
@@ -140,11 +148,8 @@ def read_run_env(path: Path) -> DrfcSettings:
         times = [_value(path, name, given.get(name, usual), float) for name, usual in waits]
         settings.card["env.bot_waits"] = times
     _add_ways(path, given, settings.card)
-    n_boxes, places = "DR_OA_NUMBER_OF_OBSTACLES", "DR_OA_OBJECT_POSITIONS"
-    if kind == "OBJECT_AVOIDANCE" and n_boxes in given and places in given:
-        settings.unread[f"{n_boxes} = {given[n_boxes]}"] = f"{places} says how many there are"
     for name, value in given.items():
-        if why := _why_unread(name, kind):
+        if why := _why_unread(name, kind) or _outranked(path, given, name):
             settings.unread[f"{name} = {value}"] = why
     return settings
 
@@ -175,6 +180,16 @@ def _add_ways(path: Path, given: Mapping[str, str], card: dict[str, Any]) -> Non
         card |= {"env.random_light": LIGHT, "env.random_colours": COLOURS}
     if not flag("DR_EVAL_IS_CONTINUOUS", usual=True):
         card["eval.max_resets"] = 0
+
+
+def _outranked(path: Path, given: Mapping[str, str], name: str) -> str | None:
+    """Return which setting takes the place of another; None where none does."""
+    other, value = OUTRANKED.get(name, ("", None))
+    if other not in given or (
+        value is not None and _value(path, other, given[other], _flag) != value
+    ):
+        return None
+    return f"{other} = {given[other]} outranks it"
 
 
 def _variables(path: Path) -> dict[str, str]:

@@ -21,8 +21,6 @@ from repaint_cli.envs.racer.track.geometry import NDIST, WHEELS_ON, Floats, meas
 from repaint_cli.envs.racer.track.track import Track
 from repaint_cli.errors import CardError, NotFound, some
 
-OTHER_LENGTH = 0.01
-"""Of a track: from this share on, a log that says another length is of another track."""
 ASTRAY = 0.05
 """Of the steps that end no episode, the share off the road from which on a log is of another track;
 on its own track there are hardly any."""
@@ -129,16 +127,12 @@ def _which_track(path: Path, logged: LoggedEpisode, tracks: Sequence[Track]) -> 
     Raises:
         CardError: none of them is as long as the log says.
     """
-    length = logged.track_length
-    fits = [
-        t for t, one in enumerate(tracks) if abs(length - one.length) <= OTHER_LENGTH * one.length
-    ]
-    if fits:
-        return fits[track_driven(logged.trace, [tracks[t] for t in fits])]
+    if (which := track_driven(logged, tracks)) is not None:
+        return which
     named = some([f"'{track.name}', {track.length:.2f} m" for track in tracks], between=" and ")
     raise CardError(
-        f"{path}: its track is {length:.2f} m long, and the card's, {named}; name the log's track "
-        "in [env]"
+        f"{path}: its track is {logged.track_length:.2f} m long, and the card's, {named}; name the "
+        "log's track in [env]"
     )
 
 

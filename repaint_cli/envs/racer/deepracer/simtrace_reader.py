@@ -47,16 +47,6 @@ def training_files(folder: Path) -> list[tuple[int, Path]]:
     return sorted(files, key=lambda file: file[0])
 
 
-def read_training(folder: Path) -> Iterator[tuple[int, list[Trace]]]:
-    """Yield the training episodes of a log folder by iteration, k from 1, in order.
-
-    Raises:
-        CheckpointError: a file cannot be read or is damaged.
-    """
-    for k, path in training_files(folder):
-        yield k, read_simtrace(path)
-
-
 @dataclass(frozen=True)
 class LoggedEpisode:
     """An episode of a log, with what a trace leaves out. Arrays are (T,)."""
@@ -75,9 +65,14 @@ class LoggedEpisode:
     """Of the centre line, m."""
 
 
-def read_simtrace(path: Path) -> list[Trace]:
-    """Read the episodes of a file of ours or of DeepRacer's; see `read_episodes`."""
-    return [episode.trace for episode in read_episodes(path)]
+def read_training(folder: Path) -> Iterator[tuple[int, list[LoggedEpisode]]]:
+    """Yield the training episodes of a log folder by iteration, k from 1, in order.
+
+    Raises:
+        CheckpointError: a file cannot be read or is damaged.
+    """
+    for k, path in training_files(folder):
+        yield k, read_episodes(path)
 
 
 def read_episodes(path: Path) -> list[LoggedEpisode]:
