@@ -13,7 +13,7 @@ import torch
 from torch import Tensor
 
 from repaint_cli.activity import advance, doing, progress
-from repaint_cli.errors import CardError, DivergedError, locate_divergence
+from repaint_cli.errors import CardError, locate_divergence
 from repaint_cli.learn.learner import Learner
 from repaint_cli.learn.rollout.collect import Policy
 from repaint_cli.learn.rollout.observations import Observations, each
@@ -59,7 +59,8 @@ def train(card: TaskCard, learner: Learner, course: Course) -> Iterator[Iteratio
             rollout, batches = _collect(card, learner, k, actors)
             learner.memory = extended(learner.memory, batches, card.q_learning.memory)
             with doing("learning"):
-                metrics = _learn(card, learner, learner.memory, target, k, selecting=bool(actors))
+                memory = learner.memory.to(learner.student.device)
+                metrics = _learn(card, learner, memory, target, k, selecting=bool(actors))
         metrics["episode_return"], metrics["episode_length"] = rollout.mean_episodes()
         metrics["epsilon"] = np.full(len(learner.seeds), epsilon(k, card.q_learning))
         phase: Phase = "instance" if actors else "ppo"
@@ -149,7 +150,7 @@ def extended(memory: Experience | None, batches: Sequence[Experience], size: int
 
 def _target_network(student: ActorCritic) -> ActorCritic:
     """Return a network of the same shape with the same normaliser."""
-    target = ActorCritic(student.spaces, student.net, student.n_seeds)
+    target = ActorCritic(student.spaces, student.net, student.n_seeds, student.device)
     target.normalizer = student.normalizer
     return target
 
@@ -197,16 +198,14 @@ def _take_steps(
         positions = torch.from_numpy(np.stack(drawn))
         batch = memory.pick(positions, torch.full((len(rngs),), size))
         loss, counts, metrics = q_loss(student, target, batch, card.ppo.gamma, threshold)
-        diverged = ~torch.isfinite(loss)
-        if diverged.any():
-            s = int(diverged.nonzero()[0])
-            raise DivergedError.of_loss("value_loss", loss[s].item(), s)
+        means.watch(loss, {"value_loss": loss})
         student.gradients.zero_()
         torch.autograd.backward(loss.sum())
         optimizer.step((counts > 0).tolist(), frozen, 1.0, card.ppo.max_grad_norm)
         means.add(counts, metrics)
         advance()
         check()
+    means.check_finite()
     return means.numpy()
 
 
@@ -231,7 +230,7 @@ def q_loss(
     Returns:
         The losses, how many samples each is of, and metrics, (S,) each.
     """
-    counts, observations = batch.counts.tolist(), batch.observations
+    counts, observations = batch.counts, batch.observations
     with torch.no_grad():
         following = target.q_values(observations.take(batch.next_rows), counts).amax(-1)
         targets = batch.rewards + gamma * following.where(~batch.terminations, 0.0)
@@ -242,8 +241,8 @@ def q_loss(
         selected = ~batch.from_teacher | (targets - values.detach() > threshold)
     total = selected.sum(1)
     error = (squared_error(values, targets) * selected).sum(1) / total.clamp(min=1)
-    metrics = {"value_loss": error, "q_value": mean_over(batch.counts, values.shape[1])(values)}
-    if threshold is not None:
-        share = (selected & batch.from_teacher).sum(1) / batch.from_teacher.sum(1)
-        metrics["kept_fraction"] = share.nan_to_num(0.0)
-    return error / 2, total, metrics
+    metrics = {"value_loss": error, "q_value": mean_over(counts, values)(values)}
+    if threshold is None:
+        return error / 2, counts, metrics
+    share = (selected & batch.from_teacher).sum(1) / batch.from_teacher.sum(1)
+    return error / 2, total, metrics | {"kept_fraction": share.nan_to_num(0.0)}

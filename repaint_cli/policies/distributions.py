@@ -5,9 +5,9 @@ is an argument, `noise`, so that every seed has its own generator and sampling i
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from math import log, pi
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 import torch
@@ -152,6 +152,16 @@ class Categorical:
 
 
 Distribution: TypeAlias = Gaussian | Categorical | Compound
+
+
+def on_device(distribution: Distribution, device: torch.device) -> Distribution:
+    """Return a distribution with its tensors on a device: itself where they lie there."""
+    tensors = {f.name: getattr(distribution, f.name) for f in fields(distribution)}
+    elsewhere: Any = {
+        name: tensor.to(device) for name, tensor in tensors.items()
+        if isinstance(tensor, Tensor) and tensor.device != device
+    }  # fmt: skip
+    return replace(distribution, **elsewhere) if elsewhere else distribution
 
 
 def concat_samples(parts: Sequence[Distribution]) -> Distribution:

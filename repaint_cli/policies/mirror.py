@@ -5,7 +5,6 @@ flipped as they are read (`net.flip_images`), since convolutions leave out the l
 **S** seeds, **O** observation, **A** actions.
 """
 
-from collections.abc import Sequence
 from typing import Any, Literal
 
 import torch
@@ -13,7 +12,7 @@ from torch import Tensor
 
 from repaint_cli.policies.architecture import NetConfig
 from repaint_cli.policies.distributions import Distribution, mixture
-from repaint_cli.policies.networks import ActorCritic
+from repaint_cli.policies.networks import ActorCritic, Counts
 from repaint_cli.policies.spaces import Spaces
 from repaint_cli.symmetry import SignedPermutation, Symmetry
 
@@ -26,7 +25,7 @@ def mirrored(network: ActorCritic, symmetry: Symmetry) -> ActorCritic:
     net = network.net
     if symmetry.channels is not None:
         net = net.model_copy(update={"flip_images": not net.flip_images})
-    image = ActorCritic(network.spaces, net, network.n_seeds)
+    image = ActorCritic(network.spaces, net, network.n_seeds, network.device)
     for name, weight in network.weights.items():
         image.weights[name].data.copy_(_mapped(name, weight.detach(), net, symmetry))
     if network.normalizer and image.normalizer and symmetry.vector:
@@ -81,10 +80,15 @@ class BothViews:
         """The layers of each."""
         return self.views[0].net
 
-    def policy(self, obs: Any, counts: Sequence[int] | None = None) -> Distribution:
+    def to(self, device: str | torch.device) -> "BothViews":
+        """Return both on a device; see `ActorCritic.to`."""
+        return BothViews(*(view.to(device) for view in self.views))
+
+    def policy(self, obs: Any, counts: Counts = None) -> Distribution:
         """Return its distribution at observations (S, B, *O); see `ActorCritic.policy`."""
         parts = [view.policy(obs, counts) for view in self.views]
-        return mixture(parts, torch.ones(len(parts), self.views[0].n_seeds))
+        weights = torch.ones(len(parts), self.views[0].n_seeds, device=self.views[0].device)
+        return mixture(parts, weights)
 
     def in_precision(self, precision: Literal["float32", "bf16", "auto"]) -> "BothViews":
         """Return both computing in another precision; see `ActorCritic.in_precision`."""

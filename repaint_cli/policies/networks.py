@@ -35,6 +35,9 @@ from repaint_cli.policies.spaces import Spaces, by_name
 ACTIVATIONS = {"tanh": torch.tanh, "relu": torch.relu, "elu": F.elu}
 """Of dense layers, by name on a card."""
 
+Counts = Sequence[int] | Tensor | None
+"""How many of each seed's observations are real, (S,); all where absent."""
+
 LINE = 16
 """Numbers of a line of memory: products may be summed in another order if they begin elsewhere."""
 
@@ -45,24 +48,29 @@ warnings.filterwarnings("ignore", message="grad and param do not obey the gradie
 class ActorCritic:
     """S policies and S critics of one shape.
 
-    They begin as `net.init` and `net.log_std_init` say.
+    They begin as `net.init` and `net.log_std_init` say. All their tensors lie on one device;
+    observations may come from another.
     """
 
-    def __init__(self, spaces: Spaces, net: NetConfig, n_seeds: int) -> None:
+    def __init__(
+        self, spaces: Spaces, net: NetConfig, n_seeds: int, device: str | torch.device = "cpu"
+    ) -> None:
         self.spaces, self.net, self.n_seeds = spaces, resolved(net), n_seeds
+        self.device = torch.device(device)
         leaves = leaves_of(spaces, net)
         self.leaves = leaves["policy"] + leaves["value"]
         self.n_policy = sum(prod(leaf.shape) for leaf in leaves["policy"])
         total = sum(prod(leaf.shape) for leaf in self.leaves)
         width = -(-total // LINE) * LINE  # every seed's row begins where it would alone
-        self.storage = torch.zeros(n_seeds, width)[:, :total]
-        self.gradients = torch.zeros(n_seeds, width)[:, :total]
+        self.storage = torch.zeros(n_seeds, width, device=device)[:, :total]
+        self.gradients = torch.zeros(n_seeds, width, device=device)[:, :total]
         self.weights = dict(self._views())
         clip = inf if net.obs_clip == "none" else net.obs_clip
         self.normalizer = (
             None if spaces.image
             else Normalizer(
-                n_seeds, spaces.obs_shape[0], clip, net.obs_min_std, active=net.obs_normalize
+                n_seeds, spaces.obs_shape[0], clip, net.obs_min_std, active=net.obs_normalize,
+                device=device,
             )
         )  # fmt: skip
         self._frozen = self._detached()
@@ -78,13 +86,22 @@ class ActorCritic:
         one.normalizer = self.normalizer.alone(seed) if self.normalizer else None
         return one
 
+    def to(self, device: str | torch.device) -> "ActorCritic":
+        """Return these networks on a device: themselves where they lie there, else a copy."""
+        if torch.device(device) == self.device:
+            return self
+        other = ActorCritic(self.spaces, self.net, self.n_seeds, device)
+        other.storage.copy_(self.storage)
+        if self.normalizer and other.normalizer:
+            other.normalizer.load(self.normalizer.state())
+        return other
+
     @cached_property
     def is_weight(self) -> Tensor:
         """Which numbers of a seed's row are weights, and not biases or log σ, (P,) bool."""
         kinds = [leaf.name.endswith(".weight") for leaf in self.leaves]
-        return torch.tensor(kinds).repeat_interleave(
-            torch.tensor([prod(leaf.shape) for leaf in self.leaves])
-        )
+        sizes = torch.tensor([prod(leaf.shape) for leaf in self.leaves])
+        return torch.tensor(kinds).repeat_interleave(sizes).to(self.device)
 
     def in_precision(self, precision: Literal["float32", "bf16", "auto"]) -> "ActorCritic":
         """Return these networks computing in another precision, in the same memory."""
@@ -103,7 +120,7 @@ class ActorCritic:
     @property
     def _uses(self) -> Tensor:
         """Which numbers of a compound action count with each command, (C, P − 1)."""
-        uses = torch.tensor(self.spaces.uses, dtype=torch.float32)
+        uses = torch.tensor(self.spaces.uses, dtype=torch.float32, device=self.device)
         return torch.ones_like(uses) if self.net.spatial == "all" else uses
 
     def _views(self) -> Iterator[tuple[str, Tensor]]:
@@ -124,7 +141,7 @@ class ActorCritic:
         if "policy.log_std" in self.weights:
             self.weights["policy.log_std"].data.fill_(self.net.log_std_init)
 
-    def policy(self, obs: Any, counts: Sequence[int] | None = None) -> Distribution:
+    def policy(self, obs: Any, counts: Counts = None) -> Distribution:
         """Return π(·|s) for raw observations (S, B, *O).
 
         Args:
@@ -137,42 +154,43 @@ class ActorCritic:
     def _distribution(self, out: Tensor, obs: Any) -> Distribution:
         """Return π(·|s) of the outputs of its head, (S, B, heads), for these observations."""
         if self.spaces.sizes:
-            available = by_name(obs)[AVAILABLE] if self.net.mask else None
+            available = by_name(obs)[AVAILABLE].to(self.device) if self.net.mask else None
             return Compound.from_logits(out, self.spaces.sizes, self._uses, available)
         if self.spaces.discrete:
             return Categorical.from_logits(out)
         return Gaussian(out, self.weights["policy.log_std"].unsqueeze(1))
 
-    def q_values(self, obs: Any, counts: Sequence[int] | None = None) -> Tensor:
+    def q_values(self, obs: Any, counts: Counts = None) -> Tensor:
         """Return Q(s, ·), (S, B, A): the logits of a policy over numbered actions."""
         return self._forward("policy", obs, counts)
 
-    def value(self, obs: Any, counts: Sequence[int] | None = None) -> Tensor:
+    def value(self, obs: Any, counts: Counts = None) -> Tensor:
         """Return V(s), (S, B), for raw observations (S, B, *O); see `policy`."""
         return self._forward("value", obs, counts).squeeze(-1)
 
-    def policy_and_value(
-        self, obs: Any, counts: Sequence[int] | None = None
-    ) -> tuple[Distribution, Tensor]:
+    def policy_and_value(self, obs: Any, counts: Counts = None) -> tuple[Distribution, Tensor]:
         """Return `policy` and `value`; layers that both use are computed once."""
         if not (self.net.shared and self.spaces.image):
             return self.policy(obs, counts), self.value(obs, counts)
         out = self._forward("both", obs, counts)
         return self._distribution(out[..., :-1], obs), out[..., -1]
 
-    def _forward(self, network: Heads, obs: Any, counts: Sequence[int] | None) -> Tensor:
+    def _forward(self, network: Heads, obs: Any, counts: Counts) -> Tensor:
         """Return the outputs of the policy's or the critic's head, or of both, (S, B, heads).
 
         Seed by seed, so that its neighbours and the padding change no bit of a seed's; but where
         gradients are wanted of dense networks, in products of all seeds at once, which are faster.
         """
-        parts = by_name(obs if self.normalizer is None else self.normalizer.normalize(obs))
+        parts = {name: part.to(self.device) for name, part in by_name(obs).items()}
+        if self.normalizer is not None:
+            parts = {name: self.normalizer.normalize(part) for name, part in parts.items()}
         one_by_one = self.spaces.image or not torch.is_grad_enabled()
         if not (one_by_one and self._seeds):
             return self._outputs(network, parts)
         width, outs = next(iter(parts.values())).shape[1], []
+        real = counts.tolist() if isinstance(counts, Tensor) else counts
         for s, one in enumerate(self._seeds):
-            n = width if counts is None else counts[s]
+            n = width if real is None else real[s]
             out = one._outputs(network, {name: x[s : s + 1, :n] for name, x in parts.items()})
             outs.append(out if n == width else F.pad(out, (0, 0, 0, width - n)))
         return torch.cat(outs)

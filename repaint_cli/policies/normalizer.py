@@ -26,14 +26,15 @@ class Normalizer:
         min_std: float = 0.1,
         *,
         active: bool = True,
+        device: str | torch.device = "cpu",
     ) -> None:
         self.clip, self.min_std, self.active = clip, min_std, active
-        self.mean = torch.zeros(n_seeds, n_features, dtype=torch.float64)
-        self.var = torch.ones(n_seeds, n_features, dtype=torch.float64)
-        self.count = torch.zeros(n_seeds, dtype=torch.float64)
+        self.mean = torch.zeros(n_seeds, n_features, dtype=torch.float64, device=device)
+        self.var = torch.ones_like(self.mean)
+        self.count = torch.zeros(n_seeds, dtype=torch.float64, device=device)
         # a deviation near 0 magnifies the mean's rounding error, so without min_std: in float64
         dtype = torch.float32 if min_std else torch.float64
-        self._shift = torch.empty(n_seeds, 1, n_features, dtype=dtype)
+        self._shift = torch.empty(n_seeds, 1, n_features, dtype=dtype, device=device)
         self._scale = torch.empty_like(self._shift)
         self._refresh()
 
@@ -59,7 +60,7 @@ class Normalizer:
         """Merge a seed's new observations (B, O) into its statistics (Chan et al. 1979)."""
         if not self.active:
             return
-        x = obs.double()
+        x = obs.to(self.mean.device).double()
         n, m = self.count[seed], len(x)
         delta = x.mean(0) - self.mean[seed]
         squares = n * self.var[seed] + m * x.var(0, correction=0) + delta**2 * n * m / (n + m)
@@ -80,6 +81,10 @@ class Normalizer:
         far_below = (deviation < self.min_std / FAR) & ~constant
         least = deviation.masked_fill(~far_below, torch.inf).amin(0)
         return {int(i): float(least[i]) for i in far_below.any(0).nonzero()}
+
+    def state(self) -> dict[str, Tensor]:
+        """Return the statistics `mean`, `var` (S, O) and `count` (S,)."""
+        return {"mean": self.mean, "var": self.var, "count": self.count}
 
     def load(self, state: dict[str, Tensor]) -> None:
         """Copy the statistics `mean`, `var` (S, O) and `count` (S,) from a file's leaves."""

@@ -39,8 +39,9 @@ def save(
     Raises:
         StoreError: the file cannot be written, or exists and `new` is true.
     """
+    tensors = {name: tensor.detach().cpu().contiguous() for name, tensor in tensors.items()}
     text = json.dumps({**header, HASH: content_hash(tensors, header)})
-    arrays = {name: tensor.detach().contiguous().numpy() for name, tensor in tensors.items()}
+    arrays = {name: tensor.numpy() for name, tensor in tensors.items()}
     packed = serialized(arrays, metadata={KEY: text})  # two keys would be in any order
     with atomic_write(path, new=new) as temporary:
         temporary.write_bytes(
@@ -108,8 +109,8 @@ def policy_tensors(student: ActorCritic, seed: int | None = None) -> dict[str, T
     """Return the leaves of one seed's networks, or of all seeds with their axis."""
     leaves = dict(student.weights)
     if student.normalizer:
-        names = ("mean", "var", "count")
-        leaves |= {f"normalizer.{name}": getattr(student.normalizer, name) for name in names}
+        state = student.normalizer.state()
+        leaves |= {f"normalizer.{name}": tensor for name, tensor in state.items()}
     return leaves if seed is None else {name: leaf[seed] for name, leaf in leaves.items()}
 
 

@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from repaint_cli.learn.rollout.observations import Observations
-from repaint_cli.policies.distributions import Distribution, concat_policies
+from repaint_cli.policies.distributions import Distribution, concat_policies, on_device
 from repaint_cli.settings import PPOConfig
 
 
@@ -16,6 +16,7 @@ class SeedBatch:
     """Entries of S seeds, (S, B, …) in every field beside `observations` and `counts`.
 
     Each seed's first counts[s] entries are real. Fields named `…rows` refer to the observations.
+    The counts are the host's wherever the rest lies, so that asking for them waits for nothing.
     """
 
     observations: Observations
@@ -33,6 +34,16 @@ class SeedBatch:
         width = self.columns["rows"].shape[1]
         return torch.arange(width) < self.counts.unsqueeze(1)
 
+    def to(self, device: torch.device) -> Self:
+        """Return the batch with everything but the counts on a device."""
+        columns = {
+            name: on_device(column, device) if isinstance(column, Distribution)
+            else column.to(device)
+            for name, column in self.columns.items() if column is not None
+        }  # fmt: skip
+        observations = self.observations.to(device)
+        return replace(self, observations=observations, **columns)  # type: ignore[type-var]
+
     def alone(self, seed: int) -> Self:
         """Return one seed's entries without padding, as if it were the only one."""
         row, n = slice(seed, seed + 1), int(self.counts[seed])
@@ -47,7 +58,9 @@ class SeedBatch:
 
     def pick(self, positions: Tensor, counts: Tensor) -> Self:
         """Return the entries at positions (S, K), of which each seed's first counts[s] are real."""
-        seeds = torch.arange(len(positions)).unsqueeze(1)
+        device = self.columns["rows"].device
+        positions = positions.to(device)
+        seeds = torch.arange(len(positions), device=device).unsqueeze(1)
         picked = {
             name: None if column is None else column[seeds, positions]
             for name, column in self.columns.items()

@@ -18,11 +18,15 @@ from repaint_cli.learn.rollout.observations import arrays_of, each
 from repaint_cli.learn.rollout.storage import Rollout, RolloutBuilder
 from repaint_cli.learn.seeding import Purpose, env_seeds
 from repaint_cli.learn.side_by_side import one_thread
-from repaint_cli.policies.distributions import Distribution
+from repaint_cli.policies.distributions import Distribution, on_device
 from repaint_cli.tasks.card import TaskCard
 
 Policy = Callable[[Any, Sequence[int]], Distribution]
 """Maps observations (S, B, *O), the first counts[s] of them real, to distributions."""
+
+
+HOST = torch.device("cpu")
+"""Where the numbers of rollouts and samples lie; networks and large observations may not."""
 
 
 def start(
@@ -157,7 +161,7 @@ class _ActingPolicy:
             order = np.argsort(~valid, axis=1, kind="stable")  # (S, N)
             counts = valid.sum(1).tolist()
             envs = (np.arange(len(valid))[:, None], order[:, : max(counts)])
-        distribution = self.policy(each(_tensor, obs, envs), counts)
+        distribution = on_device(self.policy(each(_tensor, obs, envs), counts), HOST)
         chosen = (
             distribution.mode()
             if self.greedy

@@ -10,12 +10,12 @@ import torch
 from torch import Tensor
 
 from repaint_cli.learn.rollout.batches import SeedBatch
-from repaint_cli.learn.rollout.collect import Policy
+from repaint_cli.learn.rollout.collect import HOST, Policy
 from repaint_cli.learn.rollout.observations import Observations
 from repaint_cli.learn.rollout.storage import Rollout
 from repaint_cli.learn.rollout.transitions import counts_of, flat
 from repaint_cli.learn.side_by_side import side_by_side
-from repaint_cli.policies.distributions import Distribution, concat_samples
+from repaint_cli.policies.distributions import Distribution, concat_samples, on_device
 from repaint_cli.settings import PPOConfig
 
 CHUNK = 512
@@ -134,13 +134,17 @@ def _passes(
     rows: Tensor,
     counts: Tensor,
 ) -> list[Any]:
-    """Return a network's outputs at observations (S, B), in chunks, without gradients."""
+    """Return a network's outputs at observations (S, B), in chunks, without gradients.
+
+    They are brought to the host.
+    """
 
     def outputs(start: int, size: int) -> Any:
         chunk = rows[:, start : start + size]
         real = (counts - start).clamp(0, chunk.shape[1]).tolist()
         with torch.no_grad():
-            return network(observations.take(chunk), real)
+            out = network(observations.take(chunk), real)
+        return out.to(HOST) if isinstance(out, Tensor) else on_device(out, HOST)
 
     if observations.small:
         return [outputs(0, rows.shape[1])]

@@ -77,13 +77,25 @@ class Observations:
         if stores and all(isinstance(store, Tensor) and store.ndim == 2 for store in stores):
             longest = max(len(store) for store in stores)
             self._stacked = torch.stack([_pad(store, longest) for store in stores])
-            self._seeds = torch.arange(len(stores)).unsqueeze(1)
+            self._seeds = torch.arange(len(stores), device=self.device).unsqueeze(1)
 
     @classmethod
     def concatenate(cls, several: Sequence["Observations"]) -> "Observations":
         """Return several rollouts' observations one after the other, seed by seed."""
         per_seed = zip(*(observations.stores for observations in several), strict=True)
         return cls([_concatenated(stores) for stores in per_seed])
+
+    @property
+    def device(self) -> torch.device:
+        """Where they lie."""
+        device: torch.device = arrays_of(self.stores[0])[0].device
+        return device
+
+    def to(self, device: torch.device) -> "Observations":
+        """Return them on a device: themselves where they lie there, else copies."""
+        if not self.stores or device == self.device:
+            return self
+        return Observations([each(lambda store: store.to(device), own) for own in self.stores])
 
     @property
     def sizes(self) -> Tensor:
@@ -97,6 +109,7 @@ class Observations:
 
     def take(self, rows: Tensor) -> Any:
         """Return the observations at rows (S, B) of each seed's store, (S, B, *O)."""
+        rows = rows.to(self.device)
         if self._stacked is not None:
             return self._stacked[self._seeds, rows]
         taken = [each(_rows, *own) for own in zip(self.stores, rows, strict=True)]

@@ -34,7 +34,7 @@ class _InstanceMoments:
     def __init__(self, student: ActorCritic) -> None:
         policies = student.storage[:, : student.n_policy]  # (S, P)
         self.gradients, self.first, self.second = (torch.zeros_like(policies) for _ in range(3))
-        self.steps = torch.zeros(student.n_seeds)
+        self.steps = torch.zeros(student.n_seeds, device=student.device)
         flat = (policies, self.gradients, self.first, self.second, self.steps)
         self.rows = [tuple(buffer[s] for buffer in flat) for s in range(student.n_seeds)]
 
@@ -73,7 +73,7 @@ class RowAdam:
         """
         cut, n_seeds = student.n_policy, student.n_seeds
         self.first, self.second = (torch.zeros_like(student.storage) for _ in range(2))
-        self.steps = torch.zeros(2, n_seeds)
+        self.steps = torch.zeros(2, n_seeds, device=student.device)
         flat = (student.storage, student.gradients, self.first, self.second)
         self._rows = [
             (*(buffer[s, half] for buffer in flat), self.steps[row, s])

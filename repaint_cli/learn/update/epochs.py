@@ -137,16 +137,17 @@ def _take_steps(
                 steps = torch.tensor([[j], [j + 1]])
                 instances = _share(orders.of_instances[epoch], spec, steps, n_steps)
                 _keep_instance_gradient(student, optimizer, instances, spec, means, active)
-            loss, metrics = _loss(student, samples, positions, counts, spec)
+            loss, metrics = loss_of(student, samples, positions, counts, spec)
             means.add(counts, metrics, active)
+            means.watch(loss, metrics)
             of_epoch.add(counts, metrics, active)
-            _check_finite(loss, metrics)
-            _step(student, optimizer, loss, counts > 0, active, spec)
+            follow(student, optimizer, loss, counts > 0, active, spec)
             if instances is not None:
                 moving, norm = (instances.counts > 0) & active, spec.ppo.max_grad_norm
                 optimizer.step_on_instances(moving.tolist(), spec.instance_scale, norm)
             advance()
             check()
+        means.check_finite()
         if isfinite(spec.target_kl) and spec.moves_policy:
             active &= ~(torch.from_numpy(of_epoch.numpy()["approx_kl"]) > spec.target_kl)
             if not (active.any() or spec.moves_critic):
@@ -154,15 +155,16 @@ def _take_steps(
     return spec.of_moved(means.numpy())
 
 
-def _loss(
+def loss_of(
     student: ActorCritic, samples: Samples, positions: Tensor, counts: Tensor, spec: UpdateSpec
 ) -> tuple[Tensor, dict[str, Tensor]]:
     """Return the loss (S,) of the minibatch at positions (S, b), and its metrics."""
     batch = samples.pick(positions, counts)
     if spec.loss == "instance":
         return instance_loss(student, batch, spec)
-    index = (torch.arange(len(positions)).unsqueeze(1), positions)
-    teacher = None if spec.teacher is None else spec.teacher[index]
+    positions = positions.to(student.device)
+    seeds = torch.arange(len(positions), device=student.device).unsqueeze(1)
+    teacher = None if spec.teacher is None else spec.teacher[seeds, positions]
     if spec.loss == "distillation":
         assert teacher is not None
         return distillation_loss(student, batch, teacher)
@@ -197,21 +199,12 @@ def _keep_instance_gradient(
     loss, metrics = instance_loss(student, instances, spec)
     kept = {name: metrics[name] for name in ("log_ratio", "kept_clip_fraction")}
     means.add(instances.counts, kept, active)
-    _check_finite(loss, metrics)
-    _differentiate(student, loss, "policy")
+    means.watch(loss, metrics)
+    differentiate(student, loss, "policy")
     optimizer.of_instances.gradients.copy_(student.gradients[:, : student.n_policy])
 
 
-def _check_finite(loss: Tensor, metrics: dict[str, Tensor]) -> None:
-    """Check each seed's loss (S,); name the first of its parts that is not finite."""
-    if torch.isfinite(loss).all():
-        return
-    s = int((~torch.isfinite(loss)).nonzero()[0])
-    name = next((n for n, values in metrics.items() if not torch.isfinite(values[s])), "loss")
-    raise DivergedError.of_loss(name, metrics.get(name, loss)[s].item(), s)
-
-
-def _differentiate(student: ActorCritic, loss: Tensor, networks: Networks) -> None:
+def differentiate(student: ActorCritic, loss: Tensor, networks: Networks) -> None:
     """Put the gradient of all seeds' losses, (S,), in place; seeds share no parameter."""
     columns = _columns(student, networks)
     student.gradients[:, columns].zero_()  # the others may be learning meanwhile
@@ -224,7 +217,7 @@ def _columns(student: ActorCritic, networks: Networks) -> slice:
     return {"both": slice(None), "policy": slice(cut), "critic": slice(cut, None)}[networks]
 
 
-def _step(
+def follow(
     student: ActorCritic,
     optimizer: RowAdam,
     loss: Tensor,
@@ -236,7 +229,7 @@ def _step(
 
     `moving` says who has samples, (S,), and `active` whose policies have not stopped, (S,).
     """
-    _differentiate(student, loss, spec.networks)
+    differentiate(student, loss, spec.networks)
     if decay := spec.ppo.weight_decay:
         columns = _columns(student, spec.networks)
         weights = student.storage[:, columns] * student.is_weight[columns]

@@ -4,12 +4,15 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from repaint_cli.errors import DivergedError
+
 
 class Means:
     """Each seed's means of metrics over the gradient steps it took part in."""
 
     def __init__(self) -> None:
         self._steps: dict[str, list[tuple[Tensor, Tensor]]] = {}
+        self._losses: list[tuple[Tensor, dict[str, Tensor]]] = []
 
     def add(self, counts: Tensor, metrics: dict[str, Tensor], active: Tensor | None = None) -> None:
         """Add the metrics of a step, (S,) each; seeds whose count is 0 took no part in it.
@@ -21,11 +24,33 @@ class Means:
             took_part = counts if name == "value_loss" else of_policies
             self._steps.setdefault(name, []).append((took_part, values.detach()))
 
+    def watch(self, loss: Tensor, metrics: dict[str, Tensor]) -> None:
+        """Keep a step's loss and its parts, (S,) each, for `check_finite`."""
+        parts = {name: values.detach() for name, values in metrics.items()}
+        self._losses.append((loss.detach(), parts))
+
+    def check_finite(self) -> None:
+        """Check the losses since the last check; this waits for the device, so not at each step.
+
+        Raises:
+            DivergedError: one is not finite; it names the first of its parts that is not.
+        """
+        losses, self._losses = self._losses, []
+        if not losses:
+            return
+        finite = torch.isfinite(torch.stack([loss for loss, _ in losses])).cpu()  # (steps, S)
+        if finite.all():
+            return
+        step, s = (~finite).nonzero()[0].tolist()
+        loss, metrics = losses[step]
+        name = next((n for n, values in metrics.items() if not torch.isfinite(values[s])), "loss")
+        raise DivergedError.of_loss(name, metrics.get(name, loss)[s].item(), s)
+
     def numpy(self) -> dict[str, np.ndarray]:
         """Return the means, (S,) each; nan for a seed that took no step."""
         means = {}
         for name, steps in self._steps.items():
             counts, values = map(torch.stack, zip(*steps, strict=True))  # (steps, S)
-            took_part = counts > 0
+            took_part, values = counts > 0, values.cpu()
             means[name] = (values.where(took_part, 0.0).sum(0) / took_part.sum(0)).numpy()
         return means

@@ -22,14 +22,18 @@ from repaint_cli.policies.distributions import Distribution
 from repaint_cli.policies.networks import ActorCritic
 
 
-def mean_over(counts: Tensor, width: int) -> Callable[[Tensor], Tensor]:
+def mean_over(counts: Tensor, rows: Tensor) -> Callable[[Tensor], Tensor]:
     """Return the function that takes each seed's mean of its first counts[s] numbers.
 
-    It maps (S, width) to (S,); the mean of none is 0.
+    It maps (S, b) to (S,), on the device of the rows (S, b); the mean of none is 0.
     """
-    mask = torch.arange(width) < counts.unsqueeze(1)
-    weights = mask / counts.clamp(min=1).unsqueeze(1)
+    weights = (real_of(counts, rows) / counts.clamp(min=1).unsqueeze(1)).to(rows.device)
     return lambda numbers: (numbers * weights).sum(-1)
+
+
+def real_of(counts: Tensor, rows: Tensor) -> Tensor:
+    """Return which of rows (S, b) are real, bool, where the counts lie."""
+    return torch.arange(rows.shape[1], device=counts.device) < counts.unsqueeze(1)
 
 
 def masked_mean(numbers: Tensor, counts: Tensor) -> Tensor:
@@ -64,8 +68,8 @@ def kl_loss(policy: Distribution, batch: Samples, spec: UpdateSpec) -> Tensor | 
         return 0.0
     kl = batch.behavior.kl(policy)  # (S, b)
     if spec.ppo.kl_over == "mean":
-        return spec.ppo.kl_weight * mean_over(batch.counts, kl.shape[1])(kl)
-    real = torch.arange(kl.shape[1]) < batch.counts.unsqueeze(1)
+        return spec.ppo.kl_weight * mean_over(batch.counts, kl)(kl)
+    real = real_of(batch.counts, kl).to(kl.device)
     return spec.ppo.kl_weight * kl.where(real, 0.0).amax(1)  # a KL is never negative
 
 
@@ -88,8 +92,8 @@ def representation_loss(
         spec: coefficients, with β_k.
     """
     obs, counts = batch.observations.take(batch.rows), batch.counts
-    mean, metrics, loss = mean_over(counts, batch.rows.shape[1]), dict[str, Tensor](), []
-    policy, values = _of_moving(student, obs, counts.tolist(), spec)
+    mean, metrics, loss = mean_over(counts, batch.rows), dict[str, Tensor](), []
+    policy, values = _of_moving(student, obs, counts, spec)
     if policy is not None:
         log_probs = policy.log_prob(batch.actions)
         loss_of_samples = mean(objective(log_probs, batch, spec, of_teacher=False))
@@ -108,7 +112,7 @@ def representation_loss(
 
 
 def _of_moving(
-    student: ActorCritic, obs: Any, counts: list[int], spec: UpdateSpec
+    student: ActorCritic, obs: Any, counts: Tensor, spec: UpdateSpec
 ) -> tuple[Distribution | None, Tensor | None]:
     """Return π_θ(·|s) and V(s), (S, b), of the networks that move."""
     if spec.moves_policy and spec.moves_critic:
@@ -126,8 +130,8 @@ def instance_loss(
     No cross-entropy, no entropy bonus, and no critic: its values are regressed on the student's own
     data only.
     """
-    policy = student.policy(batch.observations.take(batch.rows), batch.counts.tolist())
-    log_probs, mean = policy.log_prob(batch.actions), mean_over(batch.counts, batch.rows.shape[1])
+    policy = student.policy(batch.observations.take(batch.rows), batch.counts)
+    log_probs, mean = policy.log_prob(batch.actions), mean_over(batch.counts, batch.rows)
     loss = mean(objective(log_probs, batch, spec, of_teacher=True)) + kl_loss(policy, batch, spec)
     metrics = {"policy_loss": loss} | _ratio_metrics(log_probs, batch, spec.clip_range, mean)
     log_ratio = mean(log_probs - batch.behavior_log_probs)
@@ -138,8 +142,8 @@ def distillation_loss(
     student: ActorCritic, batch: Samples, teacher: Distribution
 ) -> tuple[Tensor, dict[str, Tensor]]:
     """Return H(π_teacher‖π_θ), (S,), alone, and metrics: the policy moves, the critic does not."""
-    policy = student.policy(batch.observations.take(batch.rows), batch.counts.tolist())
-    loss = mean_over(batch.counts, batch.rows.shape[1])(teacher.cross_entropy(policy))
+    policy = student.policy(batch.observations.take(batch.rows), batch.counts)
+    loss = mean_over(batch.counts, batch.rows)(teacher.cross_entropy(policy))
     return loss, {"cross_entropy": loss}
 
 

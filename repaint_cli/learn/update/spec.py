@@ -5,10 +5,11 @@ from math import inf
 from typing import Literal
 
 import numpy as np
+import torch
 from torch import Tensor
 
 from repaint_cli.learn.rollout.gae import Samples
-from repaint_cli.policies.distributions import Distribution
+from repaint_cli.policies.distributions import Distribution, on_device
 from repaint_cli.settings import PPOConfig
 
 Networks = Literal["both", "policy", "critic"]
@@ -45,6 +46,15 @@ class UpdateSpec:
     def __post_init__(self) -> None:
         if self.loss != "representation" and self.networks != "policy":
             raise ValueError(f"{self.loss} trains policies only, found {self.networks!r}")
+
+    def to(self, device: torch.device) -> "UpdateSpec":
+        """Return the specification with its tensors on a device, but for counts."""
+        return replace(
+            self,
+            teacher=self.teacher and on_device(self.teacher, device),
+            beta=self.beta.to(device) if isinstance(self.beta, Tensor) else self.beta,
+            instances=self.instances and self.instances.to(device),
+        )
 
     def alone(self, seed: int, n: int) -> "UpdateSpec":
         """Return the specification for one seed, which has n samples."""

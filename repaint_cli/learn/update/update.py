@@ -1,13 +1,14 @@
-"""The one place that chooses between the compiled update and the one as written."""
+"""The one place that chooses how an update is computed: compiled, by graphs, or as written."""
 
 from collections.abc import Sequence
 
 import numpy as np
 
 from repaint_cli.activity import doing
+from repaint_cli.learn.rollout.collect import HOST
 from repaint_cli.learn.rollout.gae import Samples
 from repaint_cli.learn.side_by_side import one_thread
-from repaint_cli.learn.update import epochs
+from repaint_cli.learn.update import epochs, graphs
 from repaint_cli.learn.update.adam import RowAdam
 from repaint_cli.learn.update.compiled import update as compiled
 from repaint_cli.learn.update.spec import UpdateSpec
@@ -36,7 +37,11 @@ def update(
     Raises:
         DivergedError: a loss is not finite.
     """
+    if student.device != HOST:
+        samples, spec = samples.to(student.device), spec.to(student.device)
     with doing("learning"), one_thread():
         if compiled.applies_to(student, spec):
             return compiled.take_steps(student, optimizer, samples, spec, rngs)
+        if graphs.applies_to(student, spec):
+            return graphs.take_steps(student, optimizer, samples, spec, rngs)
         return epochs.take_steps(student, optimizer, samples, spec, rngs)

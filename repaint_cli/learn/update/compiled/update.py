@@ -14,6 +14,7 @@ import torch
 
 from repaint_cli import interruption
 from repaint_cli.errors import DivergedError
+from repaint_cli.learn.rollout.collect import HOST
 from repaint_cli.learn.rollout.gae import Samples
 from repaint_cli.learn.side_by_side import side_by_side
 from repaint_cli.learn.update.adam import RowAdam
@@ -40,8 +41,11 @@ OF_INSTANCES = ("policy_loss", "approx_kl", "clip_fraction", "log_ratio")
 
 
 def applies_to(student: ActorCritic, spec: UpdateSpec) -> bool:
-    """Tell whether a student's networks are dense with tanh, and the loss is the one here."""
-    if student.spaces.sizes:  # a compound action
+    """Tell whether a student's networks are dense with tanh, and the loss is the one here.
+
+    And on the host, whose code this is.
+    """
+    if student.spaces.sizes or student.device != HOST:  # a compound action, or a GPU
         return False
     dense = student.net.kind == "mlp" and student.net.activation == "tanh"
     clipped = spec.ppo.objective == "clipped" and not spec.ppo.kl_weight
