@@ -6,8 +6,8 @@
     student = repaint.transfer("reacher", ["reacher-gentle"], iterations=20, seeds=range(3))
     student.run.returns  # mean return of each evaluation, (S, K): seeds, iterations
 
-The commands as functions, which return records of arrays and files, and print nothing. What goes
-wrong is a `repaint_cli.errors.RepaintError`. Torch comes with the first call that needs it.
+The commands as functions, which return records of arrays and files, and print nothing; what goes
+wrong is a `repaint_cli.errors.RepaintError`.
 """
 
 import repaint_cli.process  # noqa: I001  # guards `python -m repaint_cli`, so it is first
@@ -62,6 +62,7 @@ def train(
     folder: Name | None = None,
     keep: int = 1,
     track: Sequence[str] = (),
+    device: str = "cpu",
     watcher: "Watcher | None" = None,
 ) -> "TrainedRun":
     """Train a teacher from scratch and put its best evaluated policy into the user's zoo.
@@ -76,13 +77,14 @@ def train(
         folder: of the run; a new one below runs/ where absent.
         keep: how many checkpoints to keep.
         track: what shows its curves, too: "tensorboard", "wandb", "mlflow".
+        device: where policies act and learn: "cpu", "cuda" or "auto".
         watcher: follows the training.
     """
     from repaint_cli.runs import owner, start
     from repaint_cli.runs.carry_out import carry_out
 
-    plan = start.plan_teacher(_card(task, settings, iterations), seeds, name, replace, folder, keep)
-    return carry_out(owner.new_run(plan), watcher, track=_listed(track, "trackers"))
+    what = _card(task, settings, iterations), seeds, name, replace, folder, keep, device
+    return carry_out(owner.new_run(start.plan_teacher(*what)), watcher, track=_listed(track, "trackers"))
 
 
 def transfer(
@@ -100,6 +102,7 @@ def transfer(
     folder: Name | None = None,
     keep: int = 1,
     track: Sequence[str] = (),
+    device: str = "cpu",
     watcher: "Watcher | None" = None,
 ) -> "TrainedRun":
     """Transfer teachers to a task, with REPAINT or with a method to compare it with.
@@ -117,7 +120,8 @@ def transfer(
     if auto or (auto is None and not says_how(by_hand, method, algorithm != "ppo", instances_from)):
         card, view = automatic(card, by_hand, algorithm, method), view or "auto"
     named, acting = (_listed(names, "teachers") for names in (teachers, instances_from))
-    plan = start.plan_transfer(card, named, seeds, method, algorithm, acting, folder, keep, view)
+    who = card, named, seeds, method, algorithm, acting
+    plan = start.plan_transfer(*who, folder, keep, view, device)
     return carry_out(owner.new_run(plan), watcher, track=_listed(track, "trackers"))
 
 
@@ -128,6 +132,7 @@ def resume(
     name: str | None = None,
     replace: bool = False,
     track: Sequence[str] = (),
+    device: str | None = None,
     watcher: "Watcher | None" = None,
     for_teacher: bool | None = None,
 ) -> "TrainedRun":
@@ -138,7 +143,7 @@ def resume(
     from repaint_cli.runs.carry_out import carry_out
     from repaint_cli.runs.owner import resumed_run
 
-    run = resumed_run(Path(folder), iterations, name, replace, for_teacher=for_teacher)
+    run = resumed_run(Path(folder), iterations, name, replace, for_teacher, device)
     return carry_out(run, watcher, track=_listed(track, "trackers"))
 
 
@@ -154,6 +159,7 @@ def evaluate(
     keep_observations: bool = False,
     log_folder: Name | None = None,
     colour: str = "",
+    device: str = "cpu",
     on_episodes: "OnEpisodes | None" = None,
 ) -> "Evaluation":
     """Let a policy play with its most likely actions; write eval.json and a figure of its paths.
@@ -166,7 +172,8 @@ def evaluate(
     from repaint_cli.runs.find_policies import find_policies, with_settings
 
     policies = find_policies(policy, None if task is None else load_task(task))
-    policies = with_settings(policies, episodes, noise, race, _listed(settings, "settings"))
+    others = episodes, noise, race, _listed(settings, "settings")
+    policies = with_settings(policies, *others).to(device)
     check_simulator(policies.card, noise, logs := Path(log_folder) if log_folder else None, colour)
     return evaluate_policy(policies, seed, keep_observations, logs, colour, on_episodes)
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 from repaint_cli.cli import completion
 from repaint_cli.cli.option_rules import parsed_into, settings_of
 from repaint_cli.cli.option_values import seed_list
-from repaint_cli.cli.options import HOW, WRITE, Set, argument, option
+from repaint_cli.cli.options import HOW, WRITE, Device, Set, argument, option
 from repaint_cli.files.commands import command
 
 if TYPE_CHECKING:
@@ -65,6 +65,7 @@ class EvaluateOptions(NamedTuple):
         ),
     ] = False
     set: Set = None
+    device: Device = "cpu"
     render_offscreen: Annotated[
         bool,
         option(WRITE, None, "Film the first episodes; this needs no screen.", "--render-offscreen"),
@@ -131,6 +132,7 @@ def evaluate(options: EvaluateOptions) -> None:
             keep_observations=options.render_offscreen,
             log_folder=options.simtrace,
             colour=options.colour or "",
+            device=options.device,
             on_episodes=show,
         )
         _film(options, evaluation)

@@ -157,6 +157,12 @@ def check_card(options: NamedTuple, card: "TaskCard", algorithm: str) -> None:
             rule.card.check(name, card)
 
 
+def is_typed(context: "typer.Context", name: str) -> bool:
+    """Return whether an option stands on the command line, even with its default."""
+    source = context.get_parameter_source(name)
+    return source is not None and source.name == "COMMANDLINE"
+
+
 def check_resume(options: NamedTuple, context: "typer.Context") -> None:
     """Check that no option beside --resume changes the run.
 
@@ -164,6 +170,5 @@ def check_resume(options: NamedTuple, context: "typer.Context") -> None:
         UsageError: an option that changes the run is typed, even with its default.
     """
     for name, rule in rules_of(options):
-        source = context.get_parameter_source(name)
-        if source is not None and source.name == "COMMANDLINE" and not rule.resumable:
+        if is_typed(context, name) and not rule.resumable:
             raise UsageError(f"a run goes on as it began: leave out {flag(name)} beside --resume")

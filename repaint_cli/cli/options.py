@@ -99,6 +99,13 @@ Track = Annotated[
     option(WHERE, "TOOL", "Also draw its curves in tensorboard, wandb or mlflow; again for more."),
     Rule(resumable=True),
 ]
+Device = Annotated[
+    str,
+    option(
+        HOW, "NAME", "Where policies act and learn: cpu, cuda (an NVIDIA GPU) or auto.", "--device"
+    ),
+    Rule(resumable=True),
+]
 DryRun = Annotated[
     bool,
     option(HOW, None, "Print what would run, all settings and how long it takes.", "--dry-run"),

@@ -6,10 +6,11 @@ import typer
 
 from repaint_cli.cli.dry_run import dry_run
 from repaint_cli.cli.imported_screen import screen
-from repaint_cli.cli.option_rules import Rule, check_resume, parsed_into, settings_of
+from repaint_cli.cli.option_rules import Rule, check_resume, is_typed, parsed_into, settings_of
 from repaint_cli.cli.option_values import seed_list, task_named, trackers
 from repaint_cli.cli.options import (
     WHERE,
+    Device,
     DryRun,
     EvalEpisodes,
     Iterations,
@@ -43,6 +44,7 @@ class TrainTeacherOptions(NamedTuple):
     seed: Seed = 0
     eval_episodes: EvalEpisodes = None
     set: Set = None  # after all other settings: it overrides them
+    device: Device = "cpu"
     dry_run: DryRun = False
     resume: Resume = None
     name: Annotated[
@@ -82,6 +84,7 @@ def train_teacher(options: TrainTeacherOptions) -> None:
             replace=options.replace,
             track=trackers(options.track, options.tensorboard),
             for_teacher=True,
+            device=options.device if is_typed(options.context, "device") else None,
         )
     task = repaint_cli.load_task(task_named(options.task))
     card = with_preset(task, options.preset).with_settings(settings_of(options))
@@ -97,6 +100,7 @@ def train_teacher(options: TrainTeacherOptions) -> None:
         folder=options.run,
         keep=options.keep,
         track=trackers(options.track, options.tensorboard),
+        device=options.device,
     )
 
 
@@ -104,4 +108,6 @@ def _plan(options: TrainTeacherOptions, card: "TaskCard", seeds: list[int]) -> "
     """Return what would be done."""
     from repaint_cli.runs.start import plan_teacher
 
-    return plan_teacher(card, seeds, options.name, options.replace, options.run, options.keep)
+    return plan_teacher(
+        card, seeds, options.name, options.replace, options.run, options.keep, options.device
+    )

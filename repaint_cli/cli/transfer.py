@@ -10,6 +10,7 @@ from repaint_cli.cli.option_rules import (
     check_method,
     check_resume,
     check_together,
+    is_typed,
     parsed_into,
     settings_of,
 )
@@ -63,6 +64,7 @@ def transfer(options: TransferOptions) -> None:
         folder=options.run,
         keep=options.keep,
         track=trackers(options.track, options.tensorboard),
+        device=options.device,
     )
 
 
@@ -72,7 +74,7 @@ def _plan(options: TransferOptions, card: "TaskCard", seeds: list[int], method: 
 
     return plan_transfer(
         card, options.teacher or (), seeds, method, options.algorithm,
-        options.instances_from or (), options.run, options.keep, _view(options),
+        options.instances_from or (), options.run, options.keep, _view(options), options.device,
     )  # fmt: skip
 
 
@@ -92,4 +94,5 @@ def _resume(options: TransferOptions, folder: Path) -> None:
         iterations=options.iterations,
         track=trackers(options.track, options.tensorboard),
         for_teacher=False,
+        device=options.device if is_typed(options.context, "device") else None,
     )

@@ -24,6 +24,7 @@ from repaint_cli.cli.options import (
     HOW,
     LONG,
     WHOM,
+    Device,
     DryRun,
     EvalEpisodes,
     Iterations,
@@ -180,6 +181,7 @@ class TransferOptions(NamedTuple):
     seed: Seed = 0
     eval_episodes: EvalEpisodes = None
     set: Set = None  # after all other settings: it overrides them
+    device: Device = "cpu"
     dry_run: DryRun = False
     resume: Resume = None
     run: RunFolderOption = None

@@ -107,8 +107,8 @@ class Experiment:
             CheckpointError: a teacher's file is damaged.
         """
         spaces, teachers = plan.check()
-        card = teachers.target
-        student = ActorCritic(spaces, card.net, len(plan.seeds))
+        teachers, card = teachers.to(plan.device), teachers.target
+        student = ActorCritic(spaces, card.net, len(plan.seeds), plan.device)
         joint = card.transfer.joint
         learner = Learner.fresh(student, plan.seeds, card.ppo.learning_rate, joint=joint)
         learner.env_steps += sum(one.steps for one in plan.ranked)

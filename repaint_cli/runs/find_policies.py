@@ -8,6 +8,7 @@ from repaint_cli.errors import CardError, NotFound, TeacherMismatch
 from repaint_cli.files.provenance import stamp
 from repaint_cli.learn.evaluation import spaces_of
 from repaint_cli.policies import weights
+from repaint_cli.policies.devices import device_named
 from repaint_cli.policies.mirror import PolicyNetwork
 from repaint_cli.policies.networks import ActorCritic
 from repaint_cli.runs.checkpoint import NETWORKS, load_networks
@@ -38,6 +39,10 @@ class Policies:
     """The teacher, if it is one."""
     run_folder: Path = RUNS
     """The run's folder, if they are a run's."""
+
+    def to(self, device: str) -> "Policies":
+        """Return them on a device by its name; see `device_named`."""
+        return replace(self, network=self.network.to(device_named(device)))
 
 
 def find_policies(policy: str | Path | None, card: TaskCard | None = None) -> Policies:

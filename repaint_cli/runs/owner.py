@@ -43,8 +43,8 @@ def resumed_run(
     iterations: int | None = None,
     teacher_name: str | None = None,
     replace_teacher: bool = False,
-    *,
     for_teacher: bool | None = None,
+    device: str | None = None,
 ) -> Iterator[Experiment]:
     """Hold a run's folder as long as the block lasts, and only then read it; see `plan_resume`.
 
@@ -56,7 +56,7 @@ def resumed_run(
         read_run(folder, to_resume=True)  # which says so
     with RunFolder(folder).locked():
         plan = plan_resume(
-            folder, iterations, teacher_name, replace_teacher, for_teacher=for_teacher
+            folder, iterations, teacher_name, replace_teacher, for_teacher, device
         )
         _check_zoo(plan)
         yield Experiment.resume(plan)

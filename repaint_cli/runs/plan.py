@@ -44,6 +44,8 @@ class Plan:
     """Whether it may replace another there."""
     keep: int = 1
     """How many checkpoints to keep."""
+    device: str = "cpu"
+    """Where it learns: "cpu" or "cuda"."""
     numbered: bool = False
     """Whether a number is added to the folder's name where it is taken."""
     ranked: tuple[RankedRecord, ...] = ()
@@ -114,6 +116,7 @@ class Plan:
             teacher_name=self.teacher_name,
             replace=self.replace,
             keep=self.keep,
+            device=self.device,
             teachers=list(teachers.records),
             ranked=list(self.ranked),
             automatic=self.target.automatic and bool(teachers.teachers),
@@ -192,7 +195,7 @@ def plan_of(record: RunRecord, task: TaskCard, folder: Path) -> Plan:
         teachers=tuple(file for file, _ in files),
         acting=tuple(file for file, acts in files if acts),
         ranked=tuple(record.ranked), algorithm=record.algorithm, teacher_name=record.teacher_name,
-        replace=record.replace, keep=record.keep, begun=record,
+        replace=record.replace, keep=record.keep, device=record.device, begun=record,
     )  # fmt: skip
 
 

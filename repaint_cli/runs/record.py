@@ -64,6 +64,8 @@ class RunRecord(BaseModel):
     """Whether it may replace another there."""
     keep: PositiveInt = 1
     """How many checkpoints to keep."""
+    device: Annotated[str, Field(pattern="^(cpu|cuda)$")] = "cpu"
+    """Where it learns, or learned last."""
     teachers: list[TeacherRecord]
     """The teachers that the run learns from, (M,)."""
     ranked: list[RankedRecord] = []
@@ -88,8 +90,9 @@ class RunRecord(BaseModel):
     """What looked wrong, up to the time at which this was written."""
 
     _lenient = field_validator(
-        "schema_version", "state", "transfer", "teacher_name", "replace", "keep", "versions",
-        "resumed", "reward_file", "failure", "mended", "iterations", "seconds", "alarms", "ranked",
+        "schema_version", "state", "transfer", "teacher_name", "replace", "keep", "device",
+        "versions", "resumed", "reward_file", "failure", "mended", "iterations", "seconds",
+        "alarms", "ranked",
         mode="wrap",
     )(or_default)  # fmt: skip
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from repaint_cli.errors import StoreError, UsageError, some
 from repaint_cli.files.provenance import stamp
+from repaint_cli.policies.devices import device_named
 from repaint_cli.policies.precision import resolved
 from repaint_cli.runs.folder import RUNS
 from repaint_cli.runs.mended import check_mended, mended_task, notices_of_text
@@ -27,15 +28,16 @@ def plan_teacher(
     replace: bool,
     folder: str | Path | None,
     keep: int,
+    device: str = "cpu",
 ) -> Plan:
     """Return the plan of a run that trains a teacher; see `repaint_cli.train`."""
-    numbers = checked_seeds(seeds)
+    numbers, device = checked_seeds(seeds), device_named(device)
     replace = replace or name is None  # only a name that was asked for is refused where it is taken
     name = new_teacher_name(name or card.name, replace)
     place = new_folder(folder, card.name, "scratch")
     return Plan(
         on_this_machine(card), "scratch", numbers, place, teacher_name=name, replace=replace,
-        keep=keep, numbered=not folder,
+        keep=keep, device=device, numbered=not folder,
     )  # fmt: skip
 
 
@@ -49,8 +51,10 @@ def plan_transfer(
     folder: str | Path | None,
     keep: int,
     view: str | None = None,
+    device: str = "cpu",
 ) -> Plan:
     """Return the plan of a transfer; see `repaint_cli.transfer`."""
+    device = device_named(device)
     method, numbers = method_for(algorithm, method), checked_seeds(seeds)
     if folder:
         check_absent(Path(folder))  # better now than after teachers have played
@@ -59,7 +63,7 @@ def plan_transfer(
     plan = with_teachers(plan, names, acting)
     parts = [algorithm] * (algorithm != "ppo") + [method, *(file.name for file in plan.teachers)]
     place = new_folder(folder, card.name, "-".join(parts))
-    return replace(plan, task=on_this_machine(plan.task), folder=place)
+    return replace(plan, task=on_this_machine(plan.task), folder=place, device=device)
 
 
 def on_this_machine(card: TaskCard) -> TaskCard:
@@ -72,8 +76,8 @@ def plan_resume(
     iterations: int | None = None,
     teacher_name: str | None = None,
     replace_teacher: bool = False,
-    *,
     for_teacher: bool | None = None,
+    device: str | None = None,
 ) -> Plan:
     """Return the plan of a run that goes on, perhaps for more iterations.
 
@@ -83,8 +87,10 @@ def plan_resume(
         teacher_name: another name for the teacher that it trains.
         replace_teacher: whether that may replace one in the zoo.
         for_teacher: whether it must train a teacher, or must not; no matter which where absent.
+        device: where it goes on; where it was where absent.
 
     Raises:
+        DeviceError: it is to go on on a GPU, and none works.
         NotFound: there is no such run, or its teacher is gone.
         CheckpointError: a file of the run is damaged or of another version.
         TeacherMismatch: the file of the run's teacher has changed.
@@ -96,7 +102,9 @@ def plan_resume(
     task, done = mended_task(run), run.returns.shape[1]
     check_mended(run, task)
     plan = plan_of(run.record, task, folder)
-    plan = replace(plan, notices=tuple(notices_of_text(run, task)), mended=task != run.task)
+    notices = [*notices_of_text(run, task), *_moved(plan.device, device)]
+    plan = replace(plan, notices=tuple(notices), mended=task != run.task)
+    plan = replace(plan, device=device_named(device or plan.device))
     if for_teacher is not None and (plan.teacher_name is not None) != for_teacher:
         raise UsageError(f"{folder} was begun otherwise; go on with: {plan.resume_command}")
     if iterations is not None:
@@ -112,6 +120,14 @@ def plan_resume(
     if done < plan.task.ppo.n_iterations:
         new_teacher_name(name, may_replace)
     return replace(plan, teacher_name=name, replace=may_replace)
+
+
+def _moved(before: str, device: str | None) -> list[str]:
+    """Return a sentence about a run that goes on on another device."""
+    if device is None or device_named(device) == before:
+        return []
+    now = device_named(device)
+    return [f"the run goes on on {now}, where {before} learned before: not bit for bit"]
 
 
 def checked_seeds(seeds: Sequence[int]) -> list[int]:

@@ -1,7 +1,7 @@
 """A run's teachers: checked and loaded; and a student that starts from one."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import log
 
 import numpy as np
@@ -35,6 +35,11 @@ class RunTeachers:
     """What a student may start from, (M,)."""
     records: tuple[TeacherRecord, ...]
     """What run.json says of them, (M,)."""
+
+    def to(self, device: str) -> "RunTeachers":
+        """Return them with what acts and advises on a device."""
+        moved = [replace(one, network=one.network.to(device)) for one in self.teachers]
+        return replace(self, teachers=tuple(moved))
 
 
 def load_teachers(

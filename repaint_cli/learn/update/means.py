@@ -5,6 +5,7 @@ import torch
 from torch import Tensor
 
 from repaint_cli.errors import DivergedError
+from repaint_cli.learn.rollout.collect import HOST
 
 
 class Means:
@@ -25,12 +26,18 @@ class Means:
             self._steps.setdefault(name, []).append((took_part, values.detach()))
 
     def watch(self, loss: Tensor, metrics: dict[str, Tensor]) -> None:
-        """Keep a step's loss and its parts, (S,) each, for `check_finite`."""
+        """Check a step's loss, (S,), by its parts; on a GPU, which would be waited for, later.
+
+        Raises:
+            DivergedError: see `check_finite`.
+        """
         parts = {name: values.detach() for name, values in metrics.items()}
         self._losses.append((loss.detach(), parts))
+        if loss.device == HOST:
+            self.check_finite()
 
     def check_finite(self) -> None:
-        """Check the losses since the last check; this waits for the device, so not at each step.
+        """Check the losses since the last check; to be asked once an epoch.
 
         Raises:
             DivergedError: one is not finite; it names the first of its parts that is not.

@@ -1,0 +1,184 @@
+"""Learning on a device: the graphs' fixed shapes, and that no minibatch asks the host for a value.
+
+The device is torch's "meta", whose tensors have no values: whoever asks for one fails.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from torch.testing import assert_close
+
+from repaint_cli.errors import DivergedError
+from repaint_cli.learn.rollout.gae import Samples
+from repaint_cli.learn.rollout.observations import Observations
+from repaint_cli.learn.update import epochs, graphs
+from repaint_cli.learn.update.adam import RowAdam
+from repaint_cli.learn.update.spec import UpdateSpec
+from repaint_cli.learn.update.update import update
+from repaint_cli.policies.architecture import NetConfig
+from repaint_cli.policies.distributions import Categorical, Gaussian, on_device
+from repaint_cli.policies.networks import ActorCritic
+from repaint_cli.policies.spaces import Spaces
+from repaint_cli.settings import PPOConfig
+
+PPO = PPOConfig(minibatch_size=8, n_epochs=3, learning_rate=1e-3, stacked=False)
+META = torch.device("meta")
+CAMERA = Spaces((24, 32, 1), 4, True), NetConfig(kind="cnn", conv=((4, 4, 2),), dense=16, pool=1)
+SHARED = CAMERA[0], CAMERA[1].model_copy(update={"shared": True})
+VECTOR = Spaces((3,), 2, False), NetConfig(hidden=(16,))
+KINDS = pytest.mark.parametrize(
+    "kind", [CAMERA, SHARED, VECTOR], ids=["camera", "shared", "vector"]
+)
+
+
+def drawn(kind, n_seeds=2, device="cpu"):
+    student = ActorCritic(*kind, n_seeds, device)
+    if device == "cpu":
+        student.initialize(generators(n_seeds))
+    return student
+
+
+def generators(n=2):
+    return [np.random.default_rng(s) for s in range(n)]
+
+
+def samples_of(kind, *counts):
+    """Samples of S seeds, drawn at random."""
+    spaces, rng, longest = kind[0], np.random.default_rng(5), max(counts)
+
+    def draw(*shape):
+        return torch.from_numpy(rng.normal(size=(len(counts), longest, *shape)).astype(np.float32))
+
+    obs = draw(*spaces.obs_shape)
+    if spaces.image:
+        obs = (obs * 40 + 120).clamp(0, 255).to(torch.uint8)
+    acted = rng.integers(spaces.n_actions, size=(len(counts), longest))
+    return Samples(
+        observations=Observations(list(obs)),
+        rows=torch.arange(longest).repeat(len(counts), 1),
+        actions=torch.from_numpy(acted) if spaces.discrete else draw(2),
+        behavior_log_probs=draw() / 5 - 1.4,
+        advantages=draw(),
+        returns=draw(),
+        rewards=draw(),
+        counts=torch.tensor(counts),
+    )
+
+
+def teacher_at(kind, samples):
+    torch.manual_seed(7)
+    numbers = torch.randn(*samples.rows.shape, kind[0].n_actions)
+    if kind[0].discrete:
+        return Categorical.from_logits(numbers)
+    return Gaussian(numbers, torch.zeros(len(numbers), 1, 2))
+
+
+def specs(kind, samples):
+    """What an update may follow."""
+    teacher = teacher_at(kind, samples)
+    yield UpdateSpec(PPO, 0.2)
+    yield UpdateSpec(PPO, 0.2, teacher=teacher, beta=torch.tensor([0.3, 0.0]), policy_scale=0.5)
+    yield UpdateSpec(PPO, 0.2, loss="instance", networks="policy")
+    yield UpdateSpec(PPO, 0.2, loss="distillation", networks="policy", teacher=teacher)
+    penalised = PPO.model_copy(
+        update={"objective": "trpo", "kl_weight": 1.0, "weight_decay": 0.1, "max_grad_norm": 0.5}
+    )
+    yield UpdateSpec(penalised, 0.2)
+
+
+@KINDS
+def test_steps_of_fixed_shapes_are_those_of_the_update_as_written(kind):
+    samples = samples_of(kind, 21, 9)
+    samples = replace(samples, behavior=teacher_at(kind, samples))
+    for spec in specs(kind, samples):
+        students, metrics = [], []
+        for way in (epochs, graphs):
+            student = drawn(kind)
+            optimizer = RowAdam(student, PPO.learning_rate)
+            metrics.append(way.take_steps(student, optimizer, samples, spec, generators()))
+            students.append(student)
+        assert_close(students[0].storage, students[1].storage, rtol=1e-4, atol=2e-6)
+        assert (students[0].storage != drawn(kind).storage).any()
+        assert metrics[0].keys() == metrics[1].keys()
+        for name, means in metrics[0].items():
+            np.testing.assert_allclose(metrics[1][name], means, rtol=1e-3, atol=1e-5, err_msg=name)
+
+
+def test_a_policy_stops_at_the_same_epoch():
+    samples, kind = samples_of(VECTOR, 21, 9), VECTOR
+    ppo = PPO.model_copy(update={"target_kl": 1e-6, "n_epochs": 6})
+    ends = []
+    for way in (epochs, graphs):
+        student = drawn(kind)
+        optimizer = RowAdam(student, PPO.learning_rate)
+        way.take_steps(student, optimizer, samples, UpdateSpec(ppo, 0.2), generators())
+        ends.append((student.storage, optimizer.steps))
+    assert torch.equal(ends[0][1], ends[1][1])
+    assert ends[0][1][0].max() < ends[0][1][1].max()  # policies stopped, critics went on
+    assert_close(ends[0][0], ends[1][0], rtol=1e-4, atol=2e-6)
+
+
+def test_a_seed_without_samples_takes_no_step():
+    samples = samples_of(CAMERA, 9, 9)
+    samples = replace(samples, counts=torch.tensor([9, 0]))
+    student = drawn(CAMERA)
+    before = student.storage.clone()
+    spec = UpdateSpec(PPO, 0.2, loss="instance", networks="policy")
+    metrics = graphs.take_steps(student, RowAdam(student, 1e-3), samples, spec, generators())
+    assert np.isnan(metrics["policy_loss"]).tolist() == [False, True]
+    assert torch.equal(student.storage[1], before[1])
+
+
+def test_a_loss_that_is_not_finite_is_noticed_at_the_end_of_the_epoch():
+    samples, student = samples_of(CAMERA, 9, 9), drawn(CAMERA)
+    samples.returns[1, 2] = torch.nan
+    with pytest.raises(DivergedError, match="a finite value_loss, found nan") as caught:
+        graphs.take_steps(
+            student, RowAdam(student, 1e-3), samples, UpdateSpec(PPO, 0.2), generators()
+        )
+    assert caught.value.row == 1
+
+
+@KINDS
+def test_no_step_asks_a_device_for_a_value(kind):
+    samples = samples_of(kind, 9, 9)
+    samples = replace(samples, behavior=teacher_at(kind, samples))
+    for spec in specs(kind, samples):
+        student = drawn(kind, device="meta")
+        orders = torch.arange(9).repeat(PPO.n_epochs, 1)
+        job = graphs.Job(
+            0, student.alone(0), RowAdam(student, 1e-3).alone(0),
+            samples.to(META).alone(0), spec.to(META).alone(0, 9), orders,
+        )  # fmt: skip
+        for _ in range(len(job.positions)):
+            job.step()
+        with pytest.raises((NotImplementedError, RuntimeError)):
+            job.end_epoch()  # which asks
+
+
+def test_the_update_as_written_asks_a_device_for_nothing_either(monkeypatch):
+    samples, ppo = samples_of(CAMERA, 9, 9), PPO
+    student = drawn(CAMERA, device="meta")
+    optimizer = RowAdam(student, 1e-3, joint=True)
+    steps = []
+    step = optimizer.alone(0).step.__func__
+    monkeypatch.setattr(RowAdam, "step", lambda *args: (steps.append(1), step(*args)))
+    spec = UpdateSpec(ppo, 0.2, instances=samples_of(CAMERA, 5, 5), instance_scale=0.1)
+    with pytest.raises((NotImplementedError, RuntimeError, KeyboardInterrupt)):
+        update(student, optimizer, samples, spec, generators())
+    assert len(steps) >= 2  # to the end of the first epoch, where losses are looked at
+
+
+def test_networks_move_to_a_device_and_back_with_all_that_they_are():
+    network = drawn(VECTOR, 2)
+    network.normalizer.update(0, torch.randn(50, 3))
+    assert network.to("cpu") is network
+    assert network.to("meta").storage.device == META
+    copy = network.to("meta")
+    assert copy.normalizer.mean.device == META
+    assert copy.weights["policy.0.weight"].grad is not None
+    distribution = network.policy(torch.zeros(2, 4, 3))
+    assert on_device(distribution, torch.device("cpu")) is distribution
+    assert on_device(distribution, META).mean.device == META
