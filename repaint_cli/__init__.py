@@ -67,24 +67,19 @@ def train(
 ) -> "TrainedRun":
     """Train a teacher from scratch and put its best evaluated policy into the user's zoo.
 
-    Args:
-        task: a task's name, the path of a card, or a card.
-        iterations: of training; the card's where absent.
-        settings: of the card, as `section.key=value`.
-        seeds: the run seeds, (S,), trained side by side.
-        name: of the teacher; the task's where absent, which may be replaced in your zoo.
-        replace: whether it may replace a teacher of the name that was given.
-        folder: of the run; a new one below runs/ where absent.
-        keep: how many checkpoints to keep.
-        track: what shows its curves, too: "tensorboard", "wandb", "mlflow".
-        device: where policies act and learn: "cpu", "cuda" or "auto".
-        watcher: follows the training.
+    `settings` are of the card, as `section.key=value`, and so many `iterations`; `seeds` (S,) are
+    trained side by side. The teacher's `name` is the task's where absent, which may be replaced in
+    your zoo; another only with `replace`. The run has a new `folder` below runs/ where absent, and
+    keeps so many checkpoints. `track` shows its curves in "tensorboard", "wandb" or "mlflow", too.
+    Policies act and learn on a `device`: "cpu", "cuda" or "auto". `watcher` follows the training.
     """
     from repaint_cli.runs import owner, start
     from repaint_cli.runs.carry_out import carry_out
 
     what = _card(task, settings, iterations), seeds, name, replace, folder, keep, device
-    return carry_out(owner.new_run(start.plan_teacher(*what)), watcher, track=_listed(track, "trackers"))
+    return carry_out(
+        owner.new_run(start.plan_teacher(*what)), watcher, track=_listed(track, "trackers")
+    )
 
 
 def transfer(

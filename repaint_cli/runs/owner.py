@@ -55,9 +55,7 @@ def resumed_run(
     if not RunFolder(folder).is_run():
         read_run(folder, to_resume=True)  # which says so
     with RunFolder(folder).locked():
-        plan = plan_resume(
-            folder, iterations, teacher_name, replace_teacher, for_teacher, device
-        )
+        plan = plan_resume(folder, iterations, teacher_name, replace_teacher, for_teacher, device)
         _check_zoo(plan)
         yield Experiment.resume(plan)
 
