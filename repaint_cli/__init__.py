@@ -77,9 +77,8 @@ def train(
     from repaint_cli.runs.carry_out import carry_out
 
     what = _card(task, settings, iterations), seeds, name, replace, folder, keep, device
-    return carry_out(
-        owner.new_run(start.plan_teacher(*what)), watcher, track=_listed(track, "trackers")
-    )
+    run = owner.new_run(start.plan_teacher(*what))
+    return carry_out(run, watcher, track=_listed(track, "trackers"))
 
 
 def transfer(
@@ -177,7 +176,7 @@ def similarity(*names: AnyTask, on_fit: "OnFit | None" = None) -> "Similarities"
     """Compare tasks by the cosine of their reward weights.
 
     One task, card or teacher is compared with all shipped tasks; no name stands for all of those. A
-    reward function's weights are fitted; `on_fit` is called with its task's name and the fit.
+    reward function's weights are fitted; `on_fit` is called with its task's name and fit.
     """
     from repaint_cli.tasks.similarity import similarities_of
     from repaint_cli.zoo.tasks import tasks_to_compare

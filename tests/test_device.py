@@ -3,20 +3,24 @@
 The device is torch's "meta", whose tensors have no values: whoever asks for one fails.
 """
 
+import json
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 import torch
+from small_runs import QUICK
 from torch.testing import assert_close
 
-from repaint_cli.errors import DivergedError
+from repaint_cli.errors import DeviceError, DivergedError, UsageError
 from repaint_cli.learn.rollout.gae import Samples
 from repaint_cli.learn.rollout.observations import Observations
 from repaint_cli.learn.update import epochs, graphs
 from repaint_cli.learn.update.adam import RowAdam
 from repaint_cli.learn.update.spec import UpdateSpec
 from repaint_cli.learn.update.update import update
+from repaint_cli.policies import devices
 from repaint_cli.policies.architecture import NetConfig
 from repaint_cli.policies.distributions import Categorical, Gaussian, on_device
 from repaint_cli.policies.networks import ActorCritic
@@ -182,3 +186,43 @@ def test_networks_move_to_a_device_and_back_with_all_that_they_are():
     distribution = network.policy(torch.zeros(2, 4, 3))
     assert on_device(distribution, torch.device("cpu")) is distribution
     assert on_device(distribution, META).mean.device == META
+
+
+def test_a_gpu_that_is_not_there(repaint, home, monkeypatch):
+    monkeypatch.setattr(torch.version, "cuda", None)
+    said = repaint("train-teacher", "--task", "reacher", "--device", "cuda")
+    assert said.code == DeviceError.exit_code
+    assert re.search(
+        r"--device cuda: torch \S+ is built for the CPU alone; install .*; or leave it out",
+        said.err,
+    )
+    monkeypatch.setattr(torch.version, "cuda", "13.0")
+    why = devices.why_no_gpu()  # of a build for the CPU, or of a machine without a GPU
+    assert not why or "torch finds no GPU that works (" in why
+    said = repaint(
+        "transfer", "--task", "reacher", "--method", "scratch", "--device", "tpu", "--run", "run"
+    )
+    assert said.code == UsageError.exit_code
+    assert "expected --device cpu, cuda or auto, found 'tpu'" in said.err
+    assert not (home / "runs").exists()
+    assert not (home / "run").exists()
+
+
+def test_a_run_goes_on_where_it_is_told_to(repaint, lay, home, monkeypatch):
+    monkeypatch.setattr(torch.version, "cuda", None)
+    lay("train-teacher", "--task", "reacher", *QUICK, "--device", "auto", "--run", "run")
+    path = home / "run" / "run.json"
+    record = json.loads(path.read_text())
+    assert record["device"] == "cpu"
+    path.write_text(json.dumps(record | {"device": "cuda"}))
+    go_on = ["train-teacher", "--resume", "run", "--iterations", 3]
+    said = repaint(*go_on)
+    assert said.code == DeviceError.exit_code
+    assert "the run began on cuda" in said.err
+    assert "--device cpu" in said.err
+    said = repaint(*go_on, "--device", "cpu")
+    assert said.code == 0
+    assert (
+        "the run goes on on cpu, where cuda learned before: not bit for bit" in said.err + said.out
+    )
+    assert json.loads(path.read_text())["device"] == "cpu"

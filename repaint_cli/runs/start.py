@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from repaint_cli.errors import StoreError, UsageError, some
+from repaint_cli.errors import DeviceError, StoreError, UsageError, some
 from repaint_cli.files.provenance import stamp
 from repaint_cli.policies.devices import device_named
 from repaint_cli.policies.precision import resolved
@@ -104,7 +104,7 @@ def plan_resume(
     plan = plan_of(run.record, task, folder)
     notices = [*notices_of_text(run, task), *_moved(plan.device, device)]
     plan = replace(plan, notices=tuple(notices), mended=task != run.task)
-    plan = replace(plan, device=device_named(device or plan.device))
+    plan = replace(plan, device=_device_to_go_on(plan, device))
     if for_teacher is not None and (plan.teacher_name is not None) != for_teacher:
         raise UsageError(f"{folder} was begun otherwise; go on with: {plan.resume_command}")
     if iterations is not None:
@@ -120,6 +120,23 @@ def plan_resume(
     if done < plan.task.ppo.n_iterations:
         new_teacher_name(name, may_replace)
     return replace(plan, teacher_name=name, replace=may_replace)
+
+
+def _device_to_go_on(plan: Plan, device: str | None) -> str:
+    """Return where a run goes on: where it is told to, or where it was.
+
+    Raises:
+        DeviceError: that is a GPU, and none works.
+    """
+    if device is not None:
+        return device_named(device)
+    try:
+        return device_named(plan.device)
+    except DeviceError as error:
+        raise DeviceError(
+            f"the run began on {plan.device}, which does not work here; --device cpu goes on "
+            f"without it ({error})"
+        ) from error
 
 
 def _moved(before: str, device: str | None) -> list[str]:
