@@ -1,0 +1,140 @@
+"""What `check.py` measures of the learner: agreement with the CPU, repeatability, speed."""
+
+from collections.abc import Iterator, Sequence
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+import torch
+
+from repaint_cli.learn.rollout.gae import Samples
+from repaint_cli.learn.rollout.observations import Observations
+from repaint_cli.learn.update import epochs, graphs
+from repaint_cli.learn.update.adam import RowAdam
+from repaint_cli.learn.update.spec import UpdateSpec
+from repaint_cli.policies.networks import ActorCritic
+from repaint_cli.policies.spaces import Spaces
+from repaint_cli.settings import PPOConfig
+from repaint_cli.tasks.card_files import read_task
+
+Row = dict[str, Any]
+"""A line of the table: name, value, unit, and whether it is as it must be."""
+
+CAMERA = Spaces((120, 160, 1), 5, True)
+MINIBATCH = 64
+
+
+def student_of(n_seeds: int, device: str, pool: int = 2) -> ActorCritic:
+    """Return drawn networks of the shape that `racer-inner` has."""
+    net = read_task("racer-inner").with_settings([f"net.pool={pool}"]).net
+    student = ActorCritic(CAMERA, net, n_seeds, device)
+    student.initialize(generators(n_seeds))
+    return student
+
+
+def generators(n: int) -> list[np.random.Generator]:
+    """Return a generator for each seed."""
+    return [np.random.default_rng(s) for s in range(n)]
+
+
+def samples_of(n_seeds: int, n: int) -> Samples:
+    """Return n samples of each seed, drawn at random."""
+    rng, shape = np.random.default_rng(9), (n_seeds, n)
+
+    def draw(size: float = 1.0, mean: float = 0.0) -> torch.Tensor:
+        return torch.from_numpy(rng.normal(mean, size, shape).astype(np.float32))
+
+    images = rng.integers(0, 256, (n, *CAMERA.obs_shape), np.uint8)
+    return Samples(
+        observations=Observations([torch.from_numpy(images)] * n_seeds),
+        rows=torch.arange(n).repeat(n_seeds, 1),
+        actions=torch.from_numpy(rng.integers(CAMERA.n_actions, size=shape)),
+        behavior_log_probs=draw(0.1, -1.6),
+        advantages=draw(), returns=draw(), rewards=draw(),
+        counts=torch.full((n_seeds,), n),
+    )  # fmt: skip
+
+
+def spec_of(n_epochs: int) -> UpdateSpec:
+    """Return PPO with the card's learning rate."""
+    ppo = read_task("racer-inner").ppo.model_copy(
+        update={"n_epochs": n_epochs, "minibatch_size": MINIBATCH}
+    )
+    assert isinstance(ppo, PPOConfig)
+    return UpdateSpec(ppo, 0.2)
+
+
+def learn(way: Any, student: ActorCritic, samples: Samples, n_epochs: int) -> torch.Tensor:
+    """Take an update's steps from empty moments; return the weights on the host."""
+    spec = spec_of(n_epochs).to(student.device)
+    optimizer = RowAdam(student, spec.ppo.learning_rate)
+    own = samples.to(student.device)
+    way.take_steps(student, optimizer, own, spec, generators(student.n_seeds))
+    return student.storage.detach().cpu()
+
+
+def agreement() -> Iterator[Row]:
+    """Yield how far an update ends from the CPU's, and whether two are equal bit for bit."""
+    samples, first = samples_of(2, 640), student_of(2, "cpu").storage.clone()
+    on_cpu = learn(epochs, student_of(2, "cpu"), samples, 1)
+    moved = (on_cpu - first).norm()
+    for name, way in (("as written", epochs), ("graphs", graphs)):
+        ends = [learn(way, student_of(2, "cuda"), samples, 1) for _ in range(2)]
+        apart = float((ends[0] - on_cpu).norm() / moved)
+        yield row(f"update {name}: distance to the CPU's, of the way", apart, "", apart < 0.02)
+        same = torch.equal(*ends)
+        yield row(f"update {name}: twice the same", float(same), "", same)
+
+
+def waiting() -> Iterator[Row]:
+    """Yield whether an epoch's steps wait for the GPU nowhere."""
+    student, samples, spec = student_of(1, "cuda"), samples_of(1, 640), spec_of(1)
+    own = samples.to(student.device)
+    orders = torch.arange(640).unsqueeze(0)
+    job = graphs.Job(0, student, RowAdam(student, 1e-4), own, spec.to(student.device), orders)
+    for _ in range(graphs.WARM_UP + 1):  # memory is taken, and the graph recorded
+        job.step()
+    torch.cuda.set_sync_debug_mode("error")
+    try:
+        while job.done < len(job.positions):
+            job.step()
+        waits = 0.0
+    except RuntimeError:
+        waits = 1.0
+    finally:
+        torch.cuda.set_sync_debug_mode("default")
+    yield row("update: waits within an epoch", waits, "", not waits)
+
+
+def speed(seeds: Sequence[int] = (1, 8), pools: Sequence[int] = (2, 1)) -> Iterator[Row]:
+    """Yield what a minibatch takes, and so how many environment steps a second can be learned."""
+    n_epochs = read_task("racer-inner").ppo.n_epochs
+    for pool in pools:
+        for n_seeds in seeds:
+            for name, way, n in (("as written", epochs, 1280), ("graphs", graphs, 6400)):
+                samples = samples_of(n_seeds, n)
+                student = student_of(n_seeds, "cuda", pool)
+                learn(way, student, samples_of(n_seeds, 256), 1)  # choose kernels
+                torch.cuda.synchronize()
+                began = perf_counter()
+                learn(way, student, samples, 1)
+                torch.cuda.synchronize()
+                seconds = perf_counter() - began
+                what = f"update {name}: pool {pool}, {n_seeds} seeds"
+                yield row(what, 1000 * seconds / (n / MINIBATCH), "ms a minibatch of all seeds")
+                yield row(what, n * n_seeds / seconds / n_epochs, f"steps/s of {n_epochs} epochs")
+
+
+def row(name: str, value: float, unit: str, holds: bool | None = None) -> Row:
+    """Return a line of the table; `holds` is None where nothing is asked of the number."""
+    passed = "" if holds is None else "yes" if holds else "NO"
+    return {"what": name, "value": f"{value:.6g}", "unit": unit, "holds": passed}
+
+
+if __name__ == "__main__":
+    from repaint_cli.policies.devices import device_named
+
+    device_named("cuda")
+    for part in (agreement, waiting, speed):
+        for line in part():
+            print(line, flush=True)
