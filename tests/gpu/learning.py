@@ -1,5 +1,6 @@
 """What `check.py` measures of the learner: agreement with the CPU, repeatability, speed."""
 
+import sys
 from collections.abc import Iterator, Sequence
 from time import perf_counter
 from typing import Any
@@ -137,4 +138,4 @@ if __name__ == "__main__":
     device_named("cuda")
     for part in (agreement, waiting, speed):
         for line in part():
-            print(line, flush=True)
+            sys.stdout.write(f"{line}\n")
