@@ -156,7 +156,7 @@ def test_no_step_asks_a_device_for_a_value(kind):
             0, student.alone(0), RowAdam(student, 1e-3).alone(0),
             samples.to(META).alone(0), spec.to(META).alone(0, 9), orders,
         )  # fmt: skip
-        for _ in range(len(job.positions)):
+        for _ in range(job.n_steps):
             job.step()
         with pytest.raises((NotImplementedError, RuntimeError)):
             job.end_epoch()  # which asks

@@ -97,7 +97,7 @@ def waiting() -> Iterator[Row]:
         job.step()
     torch.cuda.set_sync_debug_mode("error")
     try:
-        while job.done < len(job.positions):
+        while job.done < job.n_steps:
             job.step()
         waits = 0.0
     except RuntimeError:

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from copy import copy
+from typing import Any
 
 import torch
 from torch import Tensor
@@ -132,9 +133,12 @@ class RowAdam:
         if not rows:
             return
         parameters, gradients, first, second, steps = map(list, zip(*rows, strict=True))
+        # the fused kernel gives a long row to few of a GPU's processors; the host's code is one
+        cuda = parameters[0].is_cuda
+        how: Any = {"capturable": True, "foreach": False} if cuda else {"fused": True}
         with torch.no_grad():  # torch.optim.Adam's own arithmetic; the class imports a compiler
             adam(
-                parameters, gradients, first, second, [], steps, fused=True, amsgrad=False,
+                parameters, gradients, first, second, [], steps, **how, amsgrad=False,
                 beta1=0.9, beta2=0.999, lr=self.learning_rate * scale, weight_decay=0.0,
                 eps=EPSILON, maximize=False,
             )  # fmt: skip

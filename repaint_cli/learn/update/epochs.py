@@ -22,6 +22,7 @@ from repaint_cli.learn.update.objectives import (
     representation_loss,
 )
 from repaint_cli.learn.update.spec import Networks, UpdateSpec
+from repaint_cli.policies.distributions import Distribution
 from repaint_cli.policies.networks import ActorCritic
 
 
@@ -137,7 +138,8 @@ def _take_steps(
                 steps = torch.tensor([[j], [j + 1]])
                 instances = _share(orders.of_instances[epoch], spec, steps, n_steps)
                 _keep_instance_gradient(student, optimizer, instances, spec, means, active)
-            loss, metrics = loss_of(student, samples, positions, counts, spec)
+            batch, teacher = at(samples, spec, positions, counts)
+            loss, metrics = loss_of(student, batch, teacher, spec)
             means.add(counts, metrics, active)
             means.watch(loss, metrics)
             of_epoch.add(counts, metrics, active)
@@ -155,16 +157,23 @@ def _take_steps(
     return spec.of_moved(means.numpy())
 
 
+def at(
+    samples: Samples, spec: UpdateSpec, positions: Tensor, counts: Tensor
+) -> tuple[Samples, Distribution | None]:
+    """Return the samples at positions (S, b), and what the teacher advises there."""
+    if spec.teacher is None:
+        return samples.pick(positions, counts), None
+    positions = positions.to(samples.rows.device)
+    seeds = torch.arange(len(positions), device=positions.device).unsqueeze(1)
+    return samples.pick(positions, counts), spec.teacher[seeds, positions]
+
+
 def loss_of(
-    student: ActorCritic, samples: Samples, positions: Tensor, counts: Tensor, spec: UpdateSpec
+    student: ActorCritic, batch: Samples, teacher: Distribution | None, spec: UpdateSpec
 ) -> tuple[Tensor, dict[str, Tensor]]:
-    """Return the loss (S,) of the minibatch at positions (S, b), and its metrics."""
-    batch = samples.pick(positions, counts)
+    """Return the loss (S,) of a minibatch (S, b), with the teacher's advice, and its metrics."""
     if spec.loss == "instance":
         return instance_loss(student, batch, spec)
-    positions = positions.to(student.device)
-    seeds = torch.arange(len(positions), device=student.device).unsqueeze(1)
-    teacher = None if spec.teacher is None else spec.teacher[seeds, positions]
     if spec.loss == "distillation":
         assert teacher is not None
         return distillation_loss(student, batch, teacher)

@@ -8,7 +8,7 @@ each has a stream of its own.
 
 from collections.abc import Sequence
 from contextlib import nullcontext
-from dataclasses import replace
+from dataclasses import fields, replace
 from math import isfinite
 from typing import Any
 
@@ -21,8 +21,9 @@ from repaint_cli.errors import DivergedError
 from repaint_cli.learn.rollout.gae import Samples
 from repaint_cli.learn.side_by_side import check
 from repaint_cli.learn.update.adam import RowAdam
-from repaint_cli.learn.update.epochs import follow, loss_of, shuffle
+from repaint_cli.learn.update.epochs import at, follow, loss_of, shuffle
 from repaint_cli.learn.update.spec import Networks, UpdateSpec
+from repaint_cli.policies.distributions import Distribution
 from repaint_cli.policies.networks import ActorCritic
 
 WARM_UP = 3
@@ -57,7 +58,7 @@ def take_steps(
             Job(s, student.alone(s), optimizer.alone(s), own, replace(alone, networks=part), orders)
             for part in parts if n
         ]  # fmt: skip
-    progress(0, sum(len(job.positions) for job in jobs), "batches")
+    progress(0, sum(job.n_steps for job in jobs), "batches")
     for _ in range(spec.ppo.n_epochs):
         for j in range(max((job.per_epoch for job in jobs), default=0)):
             for job in jobs:
@@ -93,11 +94,14 @@ class Job:
             orders: of the samples in each epoch, (epochs, n).
         """
         self.seed, self.stopped, self.done = seed, False, 0
-        self._learning, self._spec, self._read = (student, optimizer, samples, spec), spec, 0
+        self._student, self._optimizer, self._spec, self._read = student, optimizer, spec, 0
         size, n, device = spec.ppo.minibatch_size, orders.shape[1], student.device
         self.per_epoch = -(-n // size)
         reach = torch.arange(self.per_epoch * size).clamp(max=n - 1)
-        self.positions = orders[:, reach].reshape(-1, size).to(device)  # (steps, b)
+        positions = orders[:, reach].reshape(-1, size)  # (steps, b)
+        self.n_steps = len(positions)
+        everywhere = positions.reshape(1, -1).to(device)
+        self._samples, self._teacher = at(samples, spec, everywhere, samples.counts)
         left = n - size * torch.arange(self.per_epoch)
         counts = left.clamp(max=size).repeat(len(orders), 1)
         self._counts = counts.reshape(-1).to(device)
@@ -125,18 +129,32 @@ class Job:
 
     def _take_step(self) -> None:
         """Take the step that `_next` counts, which lies on the device as all that changes."""
-        student, optimizer, samples, spec = self._learning
+        student, spec = self._student, self._spec
+        columns = {name: self._part(column) for name, column in self._samples.columns.items()}
         counts = self._counts.index_select(0, self._next)
-        positions = self.positions.index_select(0, self._next)
-        loss, metrics = loss_of(student, samples, positions, counts, spec)
+        batch = replace(self._samples, counts=counts, **columns)
+        loss, metrics = loss_of(student, batch, self._part(self._teacher), spec)
         if not self._names:
             self._names = ["loss", *metrics]
-            self._log = loss.new_zeros(len(self.positions), len(self._names))
+            self._log = loss.new_zeros(self.n_steps, len(self._names))
         numbers = torch.stack([loss.detach(), *(part.detach() for part in metrics.values())], 1)
         self._log.index_copy_(0, self._next, numbers)
         moving = torch.ones(1, dtype=torch.bool)
-        follow(student, optimizer, loss, moving, moving, spec)
+        follow(student, self._optimizer, loss, moving, moving, spec)
         self._next += 1
+
+    def _part(self, column: Any) -> Any:
+        """Return the minibatch that `_next` counts, (1, b, …), of a column in order (1, B, …)."""
+        if isinstance(column, Distribution):
+            tensors = {field.name: getattr(column, field.name) for field in fields(column)}
+            parts: Any = {
+                name: self._part(tensor) for name, tensor in tensors.items()
+                if isinstance(tensor, Tensor) and tensor.shape[:2] == self._samples.rows.shape
+            }  # fmt: skip
+            return replace(column, **parts)
+        if column is None:
+            return None
+        return column.view(self.n_steps, -1, *column.shape[2:]).index_select(0, self._next)
 
     def end_epoch(self) -> None:
         """Wait for the epoch's steps, check their losses, and stop a policy that went too far.
