@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+import torch.nn.functional as F  # noqa: N812
 from small_runs import QUICK
 from torch.testing import assert_close
 
@@ -23,6 +24,7 @@ from repaint_cli.learn.update.update import update
 from repaint_cli.policies import devices
 from repaint_cli.policies.architecture import NetConfig
 from repaint_cli.policies.distributions import Categorical, Gaussian, on_device
+from repaint_cli.policies.image_network import convolve_patches
 from repaint_cli.policies.networks import ActorCritic
 from repaint_cli.policies.spaces import Spaces
 from repaint_cli.settings import PPOConfig
@@ -173,6 +175,16 @@ def test_the_update_as_written_asks_a_device_for_nothing_either(monkeypatch):
     with pytest.raises((NotImplementedError, RuntimeError, KeyboardInterrupt)):
         update(student, optimizer, samples, spec, generators())
     assert len(steps) >= 2  # to the end of the first epoch, where losses are looked at
+
+
+def test_a_product_of_patches_is_the_convolution():
+    images, bias = torch.rand(5, 3, 33, 21), torch.rand(6, requires_grad=True)
+    weight = torch.rand(6, 3, 8, 8, requires_grad=True)
+    outs = [way(images, weight, bias, 4) for way in (F.conv2d, convolve_patches)]
+    assert_close(*outs)
+    slope = torch.rand_like(outs[0])
+    ours, theirs = (torch.autograd.grad(out, (weight, bias), slope) for out in outs)
+    assert_close(ours, theirs)
 
 
 def test_networks_move_to_a_device_and_back_with_all_that_they_are():

@@ -2,6 +2,7 @@
 
 import sys
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from time import perf_counter
 from typing import Any
 
@@ -12,7 +13,7 @@ from repaint_cli.learn.rollout.gae import Samples
 from repaint_cli.learn.rollout.observations import Observations
 from repaint_cli.learn.update import epochs, graphs
 from repaint_cli.learn.update.adam import RowAdam
-from repaint_cli.learn.update.spec import UpdateSpec
+from repaint_cli.learn.update.spec import Networks, UpdateSpec
 from repaint_cli.policies.networks import ActorCritic
 from repaint_cli.policies.spaces import Spaces
 from repaint_cli.settings import PPOConfig
@@ -108,22 +109,57 @@ def waiting() -> Iterator[Row]:
 
 
 def speed(seeds: Sequence[int] = (1, 8), pools: Sequence[int] = (2, 1)) -> Iterator[Row]:
-    """Yield what a minibatch takes, and so how many environment steps a second can be learned."""
-    n_epochs = read_task("racer-inner").ppo.n_epochs
+    """Yield what a minibatch of every seed takes, and how many steps a second that is."""
     for pool in pools:
         for n_seeds in seeds:
-            for name, way, n in (("as written", epochs, 1280), ("graphs", graphs, 6400)):
-                samples = samples_of(n_seeds, n)
-                student = student_of(n_seeds, "cuda", pool)
-                learn(way, student, samples_of(n_seeds, 256), 1)  # choose kernels
-                torch.cuda.synchronize()
-                began = perf_counter()
-                learn(way, student, samples, 1)
-                torch.cuda.synchronize()
-                seconds = perf_counter() - began
-                what = f"update {name}: pool {pool}, {n_seeds} seeds"
-                yield row(what, 1000 * seconds / (n / MINIBATCH), "ms a minibatch of all seeds")
-                yield row(what, n * n_seeds / seconds / n_epochs, f"steps/s of {n_epochs} epochs")
+            what = f"pool {pool}, {n_seeds} seeds"
+            yield from _speed("as written", what, n_seeds, *_written(n_seeds, pool))
+            yield from _speed("graphs", what, n_seeds, *_replayed(n_seeds, pool))
+
+
+def _speed(way: str, what: str, n_seeds: int, seconds: float, n_steps: int) -> Iterator[Row]:
+    """Yield how long a step took of n_steps, and how many environment steps a second that is."""
+    n_epochs = read_task("racer-inner").ppo.n_epochs
+    rate = MINIBATCH * n_seeds * n_steps / seconds / n_epochs
+    yield row(f"update {way}: {what}", 1000 * seconds / n_steps, "ms a minibatch of every seed")
+    yield row(f"update {way}: {what}", rate, f"environment steps/s at {n_epochs} epochs")
+
+
+def _written(n_seeds: int, pool: int) -> tuple[float, int]:
+    """Return how long the update as written takes, s, and its steps."""
+    student, n_steps = student_of(n_seeds, "cuda", pool), 20
+    learn(epochs, student, samples_of(n_seeds, 4 * MINIBATCH), 1)  # kernels are chosen
+    samples = samples_of(n_seeds, n_steps * MINIBATCH).to(student.device)
+    torch.cuda.synchronize()
+    began = perf_counter()
+    learn(epochs, student, samples, 1)
+    torch.cuda.synchronize()
+    return perf_counter() - began, n_steps
+
+
+def _replayed(n_seeds: int, pool: int) -> tuple[float, int]:
+    """Return how long replays of the graphs take, s, and how many there were of each."""
+    student, n_steps, n = student_of(n_seeds, "cuda", pool), 90, 100 * MINIBATCH
+    samples, spec = samples_of(1, n).to(student.device), spec_of(1).to(student.device)
+    optimizer, orders = RowAdam(student, spec.ppo.learning_rate), torch.arange(n).unsqueeze(0)
+    parts: tuple[Networks, ...] = ("policy", "critic")
+    jobs = [
+        graphs.Job(
+            s, student.alone(s), optimizer.alone(s), samples, replace(spec, networks=part), orders
+        )
+        for s in range(n_seeds) for part in parts
+    ]  # fmt: skip
+
+    def step(times: int) -> None:
+        for _ in range(times):
+            for job in jobs:
+                job.step()
+        torch.cuda.synchronize()
+
+    step(graphs.WARM_UP + 2)
+    began = perf_counter()
+    step(n_steps)
+    return perf_counter() - began, n_steps
 
 
 def row(name: str, value: float, unit: str, holds: bool | None = None) -> Row:
