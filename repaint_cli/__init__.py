@@ -165,9 +165,8 @@ def evaluate(
     from repaint_cli.runs.evaluate import check_simulator, evaluate_policy
     from repaint_cli.runs.find_policies import find_policies, with_settings
 
-    policies = find_policies(policy, None if task is None else load_task(task))
-    others = episodes, noise, race, _listed(settings, "settings")
-    policies = with_settings(policies, *others).to(device)
+    found = find_policies(policy, None if task is None else load_task(task))
+    policies = with_settings(found, episodes, noise, race, _listed(settings, "settings")).to(device)
     check_simulator(policies.card, noise, logs := Path(log_folder) if log_folder else None, colour)
     return evaluate_policy(policies, seed, keep_observations, logs, colour, on_episodes)
 
@@ -175,8 +174,8 @@ def evaluate(
 def similarity(*names: AnyTask, on_fit: "OnFit | None" = None) -> "Similarities":
     """Compare tasks by the cosine of their reward weights.
 
-    One task, card or teacher is compared with all shipped tasks; no name stands for all of those. A
-    reward function's weights are fitted; `on_fit` is called with its task's name and fit.
+    One task, card or teacher is compared with all shipped tasks, no name stands for those. Weights
+    of a reward function are fitted; `on_fit` is called with its task's name and the fit.
     """
     from repaint_cli.tasks.similarity import similarities_of
     from repaint_cli.zoo.tasks import tasks_to_compare

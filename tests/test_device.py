@@ -191,7 +191,11 @@ def test_networks_move_to_a_device_and_back_with_all_that_they_are():
     network = drawn(VECTOR, 2)
     network.normalizer.update(0, torch.randn(50, 3))
     assert network.to("cpu") is network
-    assert network.to("meta").storage.device == META
+    copy = network.to("cpu:0")
+    assert copy is not network
+    assert torch.equal(copy.storage, network.storage)
+    assert torch.equal(copy.normalizer.mean, network.normalizer.mean)
+    assert_close(copy.value(torch.ones(2, 4, 3)), network.value(torch.ones(2, 4, 3)))
     copy = network.to("meta")
     assert copy.normalizer.mean.device == META
     assert copy.weights["policy.0.weight"].grad is not None
