@@ -23,6 +23,7 @@ from repaint_cli.learn.update.spec import UpdateSpec
 from repaint_cli.learn.update.update import update
 from repaint_cli.policies import devices
 from repaint_cli.policies.architecture import NetConfig
+from repaint_cli.policies.compound import Compound
 from repaint_cli.policies.distributions import Categorical, Gaussian, on_device
 from repaint_cli.policies.image_network import convolve_patches
 from repaint_cli.policies.networks import ActorCritic
@@ -34,8 +35,12 @@ META = torch.device("meta")
 CAMERA = Spaces((24, 32, 1), 4, True), NetConfig(kind="cnn", conv=((4, 4, 2),), dense=16, pool=1)
 SHARED = CAMERA[0], CAMERA[1].model_copy(update={"shared": True})
 VECTOR = Spaces((3,), 2, False), NetConfig(hidden=(16,))
+COMPOUND = (
+    Spaces((24, 32, 1), 9, True, sizes=(3, 6), uses=((False,), (True,), (True,))),
+    CAMERA[1].model_copy(update={"shared": "all"}),
+)
 KINDS = pytest.mark.parametrize(
-    "kind", [CAMERA, SHARED, VECTOR], ids=["camera", "shared", "vector"]
+    "kind", [CAMERA, SHARED, VECTOR, COMPOUND], ids=["camera", "shared", "vector", "compound"]
 )
 
 
@@ -60,7 +65,8 @@ def samples_of(kind, *counts):
     obs = draw(*spaces.obs_shape)
     if spaces.image:
         obs = (obs * 40 + 120).clamp(0, 255).to(torch.uint8)
-    acted = rng.integers(spaces.n_actions, size=(len(counts), longest))
+    numbers = [len(spaces.sizes)] if spaces.sizes else []
+    acted = rng.integers(spaces.sizes or spaces.n_actions, size=(len(counts), longest, *numbers))
     return Samples(
         observations=Observations(list(obs)),
         rows=torch.arange(longest).repeat(len(counts), 1),
@@ -76,6 +82,8 @@ def samples_of(kind, *counts):
 def teacher_at(kind, samples):
     torch.manual_seed(7)
     numbers = torch.randn(*samples.rows.shape, kind[0].n_actions)
+    if sizes := kind[0].sizes:
+        return Compound.from_logits(numbers, sizes, torch.tensor([[0.0], [1.0], [1.0]]))
     if kind[0].discrete:
         return Categorical.from_logits(numbers)
     return Gaussian(numbers, torch.zeros(len(numbers), 1, 2))

@@ -57,6 +57,7 @@ class ActorCritic:
     ) -> None:
         self.spaces, self.net, self.n_seeds = spaces, resolved(net), n_seeds
         self.device = torch.device(device)
+        self._uses = self._find_uses()
         leaves = leaves_of(spaces, net)
         self.leaves = leaves["policy"] + leaves["value"]
         self.n_policy = sum(prod(leaf.shape) for leaf in leaves["policy"])
@@ -114,12 +115,12 @@ class ActorCritic:
     def _with(self, **settings: Any) -> "ActorCritic":
         other = copy(self)
         other.net = resolved(self.net.model_copy(update=settings))
+        other._uses = other._find_uses()
         other._seeds = [one._with(**settings) for one in self._seeds]
         return other
 
-    @property
-    def _uses(self) -> Tensor:
-        """Which numbers of a compound action count with each command, (C, P − 1)."""
+    def _find_uses(self) -> Tensor:
+        """Return which numbers of a compound action count with each command, (C, P − 1)."""
         uses = torch.tensor(self.spaces.uses, dtype=torch.float32, device=self.device)
         return torch.ones_like(uses) if self.net.spatial == "all" else uses
 

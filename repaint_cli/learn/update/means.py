@@ -58,6 +58,6 @@ class Means:
         means = {}
         for name, steps in self._steps.items():
             counts, values = map(torch.stack, zip(*steps, strict=True))  # (steps, S)
-            took_part, values = counts > 0, values.cpu()
+            took_part, values = (counts > 0).cpu(), values.cpu()
             means[name] = (values.where(took_part, 0.0).sum(0) / took_part.sum(0)).numpy()
         return means
