@@ -31,10 +31,11 @@ class Means:
         Raises:
             DivergedError: see `check_finite`.
         """
-        parts = {name: values.detach() for name, values in metrics.items()}
-        self._losses.append((loss.detach(), parts))
         if loss.device == HOST:
-            self.check_finite()
+            _check_finite(loss, metrics)
+        else:
+            parts = {name: values.detach() for name, values in metrics.items()}
+            self._losses.append((loss.detach(), parts))
 
     def check_finite(self) -> None:
         """Check the losses since the last check; to be asked once an epoch.
@@ -43,15 +44,9 @@ class Means:
             DivergedError: one is not finite; it names the first of its parts that is not.
         """
         losses, self._losses = self._losses, []
-        if not losses:
-            return
-        finite = torch.isfinite(torch.stack([loss for loss, _ in losses])).cpu()  # (steps, S)
-        if finite.all():
-            return
-        step, s = (~finite).nonzero()[0].tolist()
-        loss, metrics = losses[step]
-        name = next((n for n, values in metrics.items() if not torch.isfinite(values[s])), "loss")
-        raise DivergedError.of_loss(name, metrics.get(name, loss)[s].item(), s)
+        if losses and not torch.isfinite(torch.stack([loss for loss, _ in losses])).all():
+            for loss, metrics in losses:
+                _check_finite(loss, metrics)
 
     def numpy(self) -> dict[str, np.ndarray]:
         """Return the means, (S,) each; nan for a seed that took no step."""
@@ -61,3 +56,13 @@ class Means:
             took_part, values = (counts > 0).cpu(), values.cpu()
             means[name] = (values.where(took_part, 0.0).sum(0) / took_part.sum(0)).numpy()
         return means
+
+
+def _check_finite(loss: Tensor, metrics: dict[str, Tensor]) -> None:
+    """Check each seed's loss (S,); name the first of its parts that is not finite."""
+    finite = torch.isfinite(loss)
+    if finite.all():
+        return
+    s = int((~finite).nonzero()[0])
+    name = next((n for n, values in metrics.items() if not torch.isfinite(values[s])), "loss")
+    raise DivergedError.of_loss(name, metrics.get(name, loss)[s].item(), s)
