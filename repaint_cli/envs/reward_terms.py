@@ -70,6 +70,11 @@ class RewardTerms(VectorWrapper):
         self.weights = np.array([weights[name] for name in self.names])  # (F,)
         self._ended = np.zeros(env.num_envs, bool)
 
+    @property
+    def on_gpu(self) -> Any:
+        """The environments where they are on a GPU, which take and return arrays there, or None."""
+        return getattr(self.env, "on_device", None)
+
     def reset(self, **kwargs: Any) -> tuple[Any, dict[str, Any]]:
         """Start every environment afresh."""
         self._ended[:] = False

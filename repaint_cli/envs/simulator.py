@@ -1,8 +1,7 @@
 """The interface of a simulator: everything that a command needs of one.
 
 A card's [env] section is a simulator with its settings. A new one subclasses `Simulator` and has a
-line in `registry.REGISTRY`. Importing this brings no arrays, which `similarity` can do without.
-**S** seeds · **N** environments, **E** episodes a seed.
+line in `registry.REGISTRY`. **S** seeds · **N** environments, **E** episodes a seed.
 """
 
 from abc import ABC, abstractmethod
@@ -67,6 +66,10 @@ class Simulator(Settings, ABC):
         Raises:
             CardError: the environment does not exist or has no limit.
         """
+
+    def on_gpu(self) -> "Simulator | None":
+        """Return it as it trains on a GPU, or None where it, or one of its settings, cannot."""
+        return None
 
     def start_options(
         self, n_seeds: int, n_envs: int, iteration: int | None, both_directions: bool
@@ -147,11 +150,7 @@ class Simulator(Settings, ABC):
 
     @classmethod
     def resolve_files(cls, env: dict[str, Any], folder: Path) -> dict[str, Any]:
-        """Return a card's [env] with what its files stand for in their place.
-
-        Raises:
-            CardError: a file in the card's folder cannot be read.
-        """
+        """Return a card's [env] with what its files stand for; CardError: one cannot be read."""
         return env
 
     def files(self) -> dict[str, Path]:
@@ -172,8 +171,7 @@ class Simulator(Settings, ABC):
         """Check a file that is no card, if it is of a kind that this simulator reads.
 
         Raises:
-            NotFound: the file does not exist.
-            CardError: the file is damaged.
+            NotFound, CardError: the file does not exist, or is damaged.
         """
         return None
 
@@ -239,8 +237,7 @@ class Simulator(Settings, ABC):
         """Film the first seed's first episodes.
 
         Raises:
-            RenderError: no renderer works here, or the environment cannot be drawn.
-            StoreError: the file cannot be written.
+            RenderError, StoreError: nothing can be drawn here, or the file cannot be written.
         """
         raise RenderError(f"the simulator '{self.simulator}' has no films")
 

@@ -154,7 +154,10 @@ class Learner:
         The environments are fresh, or where the card continues episodes those of the last time.
         """
         rngs = [generator(seed, purposes[1], k, stream) for seed in self.seeds]
-        where = card, self.seeds, n_envs, purposes[0], k
+        where, on_gpu = (
+            (card, self.seeds, n_envs, purposes[0], k),
+            self.student.device.type == "cuda",
+        )
         if n_steps is not None and card.continues_episodes:
             name = f"{purposes[0].name.lower()}-{stream}"
             own = self.streams.get(name)
@@ -165,7 +168,7 @@ class Learner:
             functions = self.functions_of(purposes[0], n_envs, stream)
             env, obs = start(
                 *where, stream=stream, one_episode=n_steps is None, functions=functions,
-                playing=playing,
+                playing=playing, on_gpu=on_gpu,
             )  # fmt: skip
             rollout = collect(
                 env, obs, policy, rngs, n_steps=n_steps, playing=playing,

@@ -186,6 +186,11 @@ class Task(Settings):
             return f"the reward function {self.reward_code.name}"
         return self.env.code_at_risk()
 
+    @property
+    def trains_on_gpu(self) -> Simulator | None:
+        """The simulator on a GPU, or None where training needs something of the CPU."""
+        return None if self.reward_code else self.env.on_gpu()
+
     def make_env(
         self,
         n_envs: int,
@@ -195,6 +200,7 @@ class Task(Settings):
         training: bool = False,
         replayable: bool = False,
         functions: "Functions | None" = None,
+        on_gpu: bool = False,
     ) -> "RewardTerms":
         """Make N copies of the environment; their rewards are w·φ.
 
@@ -205,16 +211,19 @@ class Task(Settings):
             training: see `Simulator.make`.
             replayable: whether their episodes are to be such as can be played again, if possible.
             functions: the user's reward functions of earlier copies; see `RewardFunctions.apply`.
+            on_gpu: whether they are to be on a GPU, where `trains_on_gpu`.
 
         Raises:
             CardError: the environment cannot be made.
+            DeviceError: they are to be on a GPU, and none works, or it is too small.
         """
         from repaint_cli.envs.output import captured
         from repaint_cli.envs.reward_terms import RewardTerms
 
         with captured():
             made = self.env.make_replayable(n_envs) if replayable else None
-            env = made or self.env.make(n_envs, one_episode, noise, training)
+            simulator = (on_gpu and self.trains_on_gpu) or self.env
+            env = made or simulator.make(n_envs, one_episode, noise, training)
         code, kind = self.reward_code, self.env.reward_functions
         if code and kind:
             env = kind.apply(env, code.name, code.source, functions)

@@ -29,6 +29,8 @@ class RacerSimulator(RacerSettings):
     # Environments
 
     has_noise: ClassVar[bool] = True
+    device: ClassVar[str] = "cpu"
+    """Where cars are; see `RacerVectorEnv`."""
 
     def make(
         self, n_envs: int, one_episode: bool, noise: EvalConfig | None, training: bool = False
@@ -55,6 +57,12 @@ class RacerSimulator(RacerSettings):
             )  # fmt: skip
         except ValueError as error:
             raise CardError(f"[env]: {error}") from error
+
+    def on_gpu(self) -> "Simulator | None":
+        """Return the racer as it trains on a GPU; see `Simulator.on_gpu`."""
+        from repaint_cli.envs.racer.gpu_simulator import GpuRacer
+
+        return GpuRacer.of(self)
 
     def race_rules(self) -> "RaceRules | None":
         """Return the rules of races where an episode is one."""

@@ -14,6 +14,8 @@ from repaint_cli.envs.reward_functions import Functions
 from repaint_cli.envs.reward_terms import RewardTerms
 from repaint_cli.errors import DivergedError
 from repaint_cli.learn.rollout.extent import Extent
+from repaint_cli.learn.rollout.gpu import GpuRollout
+from repaint_cli.learn.rollout.noise import ActionNoise
 from repaint_cli.learn.rollout.observations import arrays_of, each
 from repaint_cli.learn.rollout.storage import Rollout, RolloutBuilder
 from repaint_cli.learn.seeding import Purpose, env_seeds
@@ -42,6 +44,7 @@ def start(
     replayable: bool = False,
     functions: Functions | None = None,
     playing: np.ndarray | None = None,
+    on_gpu: bool = False,
 ) -> tuple[RewardTerms, Any]:
     """Make and reset S × N environments with seeds of their own; return the first observations.
 
@@ -56,6 +59,7 @@ def start(
         training=not spread,
         replayable=replayable,
         functions=functions,
+        on_gpu=on_gpu,
     )
     options = card.start_options(len(seeds), n_envs, None if spread else iteration)
     if options is not None and playing is not None:
@@ -101,12 +105,14 @@ def collect(
         DivergedError: an observation or a reward is not finite.
     """
     shape = (len(rngs), env.num_envs // len(rngs))  # (S, N)
-    act = _ActingPolicy(policy, _ActionNoise(rngs, shape[1]), greedy)
+    act = _ActingPolicy(policy, ActionNoise(rngs, shape[1]), greedy)
     resetting = np.zeros(shape, bool) if ended is None else ended
     with torch.no_grad(), one_thread():
         extent = Extent(shape, n_steps, whole, each_steps)
         if playing is not None:
             extent.running &= playing
+        if env.on_gpu is not None:
+            return GpuRollout(env, obs, shape, record).roll(policy, rngs, extent)
         builder = RolloutBuilder(shape, record, keep_images)
         return _roll(env, obs, act, builder, extent, resetting)
 
@@ -144,7 +150,7 @@ class _ActingPolicy:
     """A policy that acts in S × N environments."""
 
     policy: Policy
-    noise: "_ActionNoise"
+    noise: "ActionNoise"
     greedy: bool
     """Whether it takes the most likely action instead of a sample."""
 
@@ -203,20 +209,3 @@ def _check_finite(numbers: np.ndarray, mask: np.ndarray, what: str, t: int) -> N
             f"in environment {n} at step {t} of the rollout",
             row=int(s),
         )
-
-
-class _ActionNoise:
-    """Each seed's own stream of noise for its N environments, drawn 64 steps at a time."""
-
-    def __init__(self, rngs: Sequence[np.random.Generator], n_envs: int) -> None:
-        self._rngs, self._n_envs, self._t = rngs, n_envs, 0
-        self._block = np.empty(0)
-
-    def draw(self, distribution: Distribution, envs: Any) -> Tensor:
-        """Return the noise of one step for some environments, (S, N, A)."""
-        if self._t % 64 == 0:
-            shape = (64, self._n_envs, distribution.n_actions)
-            self._block = np.stack([distribution.noise(rng, shape) for rng in self._rngs], axis=1)
-        noise = self._block[self._t % 64]  # (S, N, A)
-        self._t += 1
-        return torch.from_numpy(noise[envs])

@@ -157,16 +157,10 @@ class RolloutBuilder:
         )
         observations = Observations([each(ObservationStore.tensor, own) for own in self._stores])
         return Rollout(
-            observations, self._index(), actions, self._log_probs(actions), np.stack(self._terms),
-            rewards, terminated, truncated, valid,
+            observations, index_of(self._stored), actions, self._log_probs(actions),
+            np.stack(self._terms), rewards, terminated, truncated, valid,
             {name: np.stack(rows) for name, rows in self._records.items()}, last_obs,
         )  # fmt: skip
-
-    def _index(self) -> np.ndarray:
-        """Return where each observation is in its seed's store, (T+1, S, N)."""
-        stored = np.stack(self._stored, 1)  # (S, T+1, N): a store is filled step by step
-        index = stored.reshape(len(stored), -1).cumsum(1).reshape(stored.shape) - 1
-        return np.where(stored, index, 0).swapaxes(0, 1)
 
     def _log_probs(self, actions: np.ndarray) -> np.ndarray:
         """Return log μ(a|s) of actions (T, S, N, …) where the policy was asked, (T, S, N)."""
@@ -179,3 +173,13 @@ class RolloutBuilder:
             step[envs] = known[:, start : start + some.shape[1]]
             start += some.shape[1]
         return log_probs
+
+
+def index_of(stored: Sequence[np.ndarray]) -> np.ndarray:
+    """Return where each observation is in its seed's store, (T+1, S, N).
+
+    A store is filled step by step with those that are `stored`, (T+1,) of (S, N).
+    """
+    marks = np.stack(stored, 1)  # (S, T+1, N)
+    index = marks.reshape(len(marks), -1).cumsum(1).reshape(marks.shape) - 1
+    return np.where(marks, index, 0).swapaxes(0, 1)

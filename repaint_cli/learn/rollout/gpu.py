@@ -1,0 +1,177 @@
+"""Act and step where policies and environments lie on one GPU: pictures never leave it.
+
+The same steps, noise and episodes as `collect` has them; only who has an episode left is asked for
+at each step, and the numbers of a rollout come to the host at its end.
+**S** seeds · **T** steps · **N** environments per seed · **F** reward terms.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import gymnasium
+import numpy as np
+import torch
+from torch import Tensor
+
+from repaint_cli.envs.reward_terms import RewardTerms, weighted_sum
+from repaint_cli.learn.rollout.extent import Extent
+from repaint_cli.learn.rollout.noise import ActionNoise
+from repaint_cli.learn.rollout.observations import Observations, arrays_of
+from repaint_cli.learn.rollout.storage import Rollout, index_of
+from repaint_cli.policies.distributions import Distribution
+from repaint_cli.policies.spaces import by_name
+
+BLOCK = 64
+"""Steps for which room is made at a time."""
+
+
+class GpuRollout:
+    """A rollout of environments on a GPU while it is made."""
+
+    def __init__(
+        self, env: RewardTerms, obs: Any, shape: tuple[int, int], record: Sequence[str]
+    ) -> None:
+        """Begin.
+
+        Args:
+            env: S · N environments on a GPU, already reset.
+            obs: their first observations, arrays there.
+            shape: (S, N).
+            record: further numbers to keep from `info`.
+        """
+        self._env, self._shape, self._record, self._cars = env, shape, record, env.on_gpu
+        self._parts = {name: _Ring(_tensor(part)) for name, part in by_name(obs).items()}
+        self._named, self._device = isinstance(obs, dict), _tensor(arrays_of(obs)[0]).device
+        self._kept: list[np.ndarray] = []  # (T+1,) of (S, N)
+        self._numbers: list[dict[str, Tensor]] = []  # (T,) of (S · N, …)
+        self._flags: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
+
+    def roll(
+        self,
+        policy: Callable[[Any, Any], Distribution],
+        rngs: Sequence[np.random.Generator],
+        extent: Extent,
+    ) -> Rollout:
+        """Let a policy act until every seed has enough; see `collect.collect`."""
+        noise, shape = ActionNoise(rngs, self._shape[1]), self._shape
+        resetting, acted = np.zeros(shape, bool), np.zeros(shape, bool)
+        while True:
+            valid = extent.valid(resetting)
+            self._kept.append(valid | acted)
+            if not extent.running.any():
+                return self._build()
+            distribution = policy(self._now(), None)
+            drawn = noise.draw(distribution, slice(None)).to(self._device)
+            actions = distribution.sample(drawn)  # (S, N, …)
+            log_probs = distribution.log_prob(actions)
+            terminated, truncated, info = self._step(actions)
+            numbers = {name: _tensor(info[name]).clone() for name in self._record}
+            terms = torch.stack([_tensor(info[name]) for name in self._env.names], 1)  # (S · N, F)
+            of_policy = {"actions": actions.flatten(0, 1), "log_probs": log_probs.flatten()}
+            self._numbers.append(numbers | of_policy | {"reward_terms": terms})
+            self._flags.append((valid, terminated, truncated))
+            resetting, acted = terminated | truncated, valid
+            extent.advance(valid, resetting)
+
+    def _now(self) -> Any:
+        """Return the newest observations, (S, N, *O)."""
+        shape = self._shape
+        parts = {n: ring.now.view(*shape, *ring.now.shape[1:]) for n, ring in self._parts.items()}
+        return parts if self._named else parts[""]
+
+    def _step(self, actions: Tensor) -> tuple[np.ndarray, np.ndarray, Any]:
+        """Take a step; its pictures are drawn into the next place of their ring.
+
+        Returns:
+            Which episodes were terminated and truncated, (S, N), and the infos, on the GPU.
+        """
+        if self._device.type == "cuda":
+            self._cars.use_stream(torch.cuda.current_stream().cuda_stream)
+        for ring in self._parts.values():
+            ring.advance()
+        images = next(ring for ring in self._parts.values() if ring.now.ndim > 2)
+        self._cars.draw_into(images.now)
+        obs, _, terminated, truncated, info = self._cars.step(self._clipped(actions).flatten(0, 1))
+        for name, part in by_name(obs).items():
+            if self._parts[name] is not images:
+                self._parts[name].now.copy_(_tensor(part))
+        ends = torch.stack([_tensor(terminated), _tensor(truncated)]).cpu().numpy()  # waits
+        return ends[0].reshape(self._shape), ends[1].reshape(self._shape), info
+
+    def _clipped(self, actions: Tensor) -> Tensor:
+        """Return actions as the environment is to see them; see `collect.clip`."""
+        space = self._env.single_action_space
+        if not isinstance(space, gymnasium.spaces.Box):
+            return actions
+        bounds = (torch.from_numpy(b).to(actions.device) for b in (space.low, space.high))
+        return actions.double().clamp(*bounds)
+
+    def _build(self) -> Rollout:
+        """Bring the numbers to the host, and leave the observations where they are."""
+        valid, terminated, truncated = map(np.stack, zip(*self._flags, strict=True))
+        numbers = {
+            name: torch.stack([step[name] for step in self._numbers]).cpu().numpy()
+            for name in self._numbers[0]
+        }
+        by_seed = {n: a.reshape(len(valid), *self._shape, *a.shape[2:]) for n, a in numbers.items()}
+        terms = by_seed["reward_terms"] * ~_resets(terminated | truncated)[..., None]
+        return Rollout(
+            Observations(self._stores()), index_of(self._kept), by_seed["actions"],
+            by_seed["log_probs"], terms,
+            weighted_sum(terms, self._env.weights), terminated, truncated, valid,
+            {name: by_seed[name] for name in self._record},
+        )  # fmt: skip
+
+    def _stores(self) -> list[Any]:
+        """Return each seed's observations that were kept, step by step, (M, *O)."""
+        kept = np.stack(self._kept)  # (T+1, S, N)
+        stores = []
+        for s in range(kept.shape[1]):
+            own = np.zeros_like(kept)
+            own[:, s] = kept[:, s]
+            parts = {name: ring.kept(own) for name, ring in self._parts.items()}
+            stores.append(parts if self._named else parts[""])
+        return stores
+
+
+class _Ring:
+    """The observations of all environments, step by step, (T, S · N, *O), on a GPU."""
+
+    def __init__(self, first: Tensor) -> None:
+        """Begin with the first ones, (S · N, *O), which are copied."""
+        self._blocks, self._t = [self._room(first)], 0
+        self.now.copy_(first)
+
+    @staticmethod
+    def _room(like: Tensor) -> Tensor:
+        return torch.empty((BLOCK, *like.shape), dtype=like.dtype, device=like.device)
+
+    @property
+    def now(self) -> Tensor:
+        """The place of the newest ones, (S · N, *O)."""
+        return self._blocks[-1][self._t % BLOCK]
+
+    def advance(self) -> None:
+        """Make the next place the newest one."""
+        self._t += 1
+        if self._t % BLOCK == 0:
+            self._blocks.append(self._room(self.now))
+
+    def kept(self, marks: np.ndarray) -> Tensor:
+        """Return those that are marked, (T+1, S, N), in this order, (M, *O)."""
+        parts = []
+        for start, block in zip(range(0, len(marks), BLOCK), self._blocks, strict=True):
+            rows = torch.from_numpy(np.flatnonzero(marks[start : start + BLOCK]))
+            parts.append(block.flatten(0, 1).index_select(0, rows.to(block.device)))
+        return torch.cat(parts)
+
+
+def _resets(ended: np.ndarray) -> np.ndarray:
+    """Return which steps only begin an episode, (T, S, N), by which steps ended one."""
+    resets: np.ndarray = np.concatenate([np.zeros_like(ended[:1]), ended[:-1]])
+    return resets
+
+
+def _tensor(array: Any) -> Tensor:
+    """Return an array on a GPU as torch sees it, in the same memory."""
+    return array if isinstance(array, Tensor) else torch.as_tensor(array, device="cuda")
