@@ -3,6 +3,8 @@
 import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from time import perf_counter
 from typing import Any
 
@@ -16,6 +18,9 @@ from repaint_cli.learn.update.adam import RowAdam
 from repaint_cli.learn.update.spec import Networks, UpdateSpec
 from repaint_cli.policies.networks import ActorCritic
 from repaint_cli.policies.spaces import Spaces
+from repaint_cli.policies.weights import load
+from repaint_cli.runs.owner import new_run
+from repaint_cli.runs.start import plan_teacher
 from repaint_cli.settings import PPOConfig
 from repaint_cli.tasks.card_files import read_task
 
@@ -162,6 +167,29 @@ def _replayed(n_seeds: int, pool: int) -> tuple[float, int]:
     return perf_counter() - began, n_steps
 
 
+def end_to_end() -> Iterator[Row]:
+    """Yield whether two trainings are equal, and what learning takes with the cars on the GPU."""
+    with TemporaryDirectory() as folder:
+        small = [_trained(Path(folder) / name, ["ppo.n_iterations=2"]) for name in ("a", "b")]
+        same = all(torch.equal(tensor, small[1][0][name]) for name, tensor in small[0][0].items())
+        yield row("training: two runs of a seed are equal", float(same), "", same)
+        yield row("training: 20 episodes an iteration", small[0][1], "environment steps/s")
+        steps = f"ppo.n_steps={4096 * 64}"
+        many = ["ppo.n_iterations=2", "ppo.n_episodes=none", "ppo.n_envs=4096", steps]
+        _, rate = _trained(Path(folder) / "many", many)
+        yield row("training: 4,096 cars, 64 steps each an iteration", rate, "environment steps/s")
+
+
+def _trained(folder: Path, settings: list[str]) -> tuple[dict[str, torch.Tensor], float]:
+    """Return a run's checkpoint, and the environment steps a second of its second iteration."""
+    card = read_task("racer-inner").with_settings([*settings, "eval.episodes=2"])
+    plan = plan_teacher(card, [100], f"check-{folder.name}", True, folder, 1, "cuda")
+    with new_run(plan) as experiment:
+        _, second = experiment.run()
+    tensors, _ = load(folder / "checkpoint.safetensors")
+    return tensors, float(second.stats.metrics["steps_per_second"][0])
+
+
 def row(name: str, value: float, unit: str, holds: bool | None = None) -> Row:
     """Return a line of the table; `holds` is None where nothing is asked of the number."""
     passed = "" if holds is None else "yes" if holds else "NO"
@@ -172,6 +200,6 @@ if __name__ == "__main__":
     from repaint_cli.policies.devices import device_named
 
     device_named("cuda")
-    for part in (agreement, waiting, speed):
+    for part in (agreement, waiting, speed, end_to_end):
         for line in part():
             sys.stdout.write(f"{line}\n")
