@@ -22,7 +22,7 @@ from repaint_cli.policies.distributions import Distribution
 from repaint_cli.policies.spaces import by_name
 
 BLOCK = 64
-"""Steps for which room is made at a time."""
+"""Steps of which all observations are there; of earlier ones those that count are."""
 
 
 class GpuRollout:
@@ -40,7 +40,7 @@ class GpuRollout:
             record: further numbers to keep from `info`.
         """
         self._env, self._shape, self._record, self._cars = env, shape, record, env.on_gpu
-        self._parts = {name: _Ring(_tensor(part)) for name, part in by_name(obs).items()}
+        self._parts = {name: _Ring(_tensor(part), shape[0]) for name, part in by_name(obs).items()}
         self._named, self._device = isinstance(obs, dict), _tensor(arrays_of(obs)[0]).device
         self._kept: list[np.ndarray] = []  # (T+1,) of (S, N)
         self._numbers: list[dict[str, Tensor]] = []  # (T,) of (S · N, …)
@@ -88,7 +88,7 @@ class GpuRollout:
         if self._device.type == "cuda":
             self._cars.use_stream(torch.cuda.current_stream().cuda_stream)
         for ring in self._parts.values():
-            ring.advance()
+            ring.advance(self._kept)
         images = next(ring for ring in self._parts.values() if ring.now.ndim > 2)
         self._cars.draw_into(images.now)
         obs, _, terminated, truncated, info = self._cars.step(self._clipped(actions).flatten(0, 1))
@@ -124,46 +124,48 @@ class GpuRollout:
 
     def _stores(self) -> list[Any]:
         """Return each seed's observations that were kept, step by step, (M, *O)."""
-        kept = np.stack(self._kept)  # (T+1, S, N)
-        stores = []
-        for s in range(kept.shape[1]):
-            own = np.zeros_like(kept)
-            own[:, s] = kept[:, s]
-            parts = {name: ring.kept(own) for name, ring in self._parts.items()}
-            stores.append(parts if self._named else parts[""])
-        return stores
+        for ring in self._parts.values():
+            ring.keep(self._kept)
+        stores = [ring.stores() for ring in self._parts.values()]
+        return [
+            dict(zip(self._parts, own, strict=True)) if self._named else own[0]
+            for own in zip(*stores, strict=True)
+        ]
 
 
 class _Ring:
-    """The observations of all environments, step by step, (T, S · N, *O), on a GPU."""
+    """Room for the newest `BLOCK` observations of all environments, of which some are kept."""
 
-    def __init__(self, first: Tensor) -> None:
+    def __init__(self, first: Tensor, n_seeds: int) -> None:
         """Begin with the first ones, (S · N, *O), which are copied."""
-        self._blocks, self._t = [self._room(first)], 0
+        self._block, self._t, self._done = first.new_empty((BLOCK, *first.shape)), 0, 0
+        self._kept: list[list[Tensor]] = [[] for _ in range(n_seeds)]
         self.now.copy_(first)
-
-    @staticmethod
-    def _room(like: Tensor) -> Tensor:
-        return torch.empty((BLOCK, *like.shape), dtype=like.dtype, device=like.device)
 
     @property
     def now(self) -> Tensor:
         """The place of the newest ones, (S · N, *O)."""
-        return self._blocks[-1][self._t % BLOCK]
+        return self._block[self._t % BLOCK]
 
-    def advance(self) -> None:
-        """Make the next place the newest one."""
+    def advance(self, marks: Sequence[np.ndarray]) -> None:
+        """Make the next place the newest one; see `keep`."""
         self._t += 1
         if self._t % BLOCK == 0:
-            self._blocks.append(self._room(self.now))
+            self.keep(marks)
 
-    def kept(self, marks: np.ndarray) -> Tensor:
-        """Return those that are marked, (T+1, S, N), in this order, (M, *O)."""
-        parts = []
-        for start, block in zip(range(0, len(marks), BLOCK), self._blocks, strict=True):
-            rows = torch.from_numpy(np.flatnonzero(marks[start : start + BLOCK]))
-            parts.append(block.flatten(0, 1).index_select(0, rows.to(block.device)))
-        return torch.cat(parts)
+    def keep(self, marks: Sequence[np.ndarray]) -> None:
+        """Copy those that are marked, (T,) of (S, N), out of what will be written over."""
+        recent = np.stack(marks[self._done :], 1)  # (S, steps, N)
+        self._done = len(marks)
+        n_envs = recent.shape[2]
+        for s, (own, kept) in enumerate(zip(recent, self._kept, strict=True)):
+            steps, places = own.nonzero()
+            rows = torch.from_numpy(steps * self._block.shape[1] + s * n_envs + places)
+            kept.append(self._block.flatten(0, 1).index_select(0, rows.to(self._block.device)))
+
+    def stores(self) -> list[Tensor]:
+        """Return what each seed kept, (S,) of (M, *O)."""
+        return [torch.cat(kept) for kept in self._kept]
 
 
 def _resets(ended: np.ndarray) -> np.ndarray:
