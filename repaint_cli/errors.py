@@ -13,7 +13,8 @@ RepaintError                1   anything the program can explain in a line
 ├── DivergedError           6   a loss, a weight or an observation is not finite
 ├── StoreError              7   a file or folder cannot be written, or exists already
 ├── RenderError             8   no offscreen renderer works here
-└── GameError               9   a game that is no part of repaint is absent or does not run
+├── GameError               9   a game that is no part of repaint is absent or does not run
+└── DeviceError            10   no GPU works, or it is too small
 
 OSError                     7   the operating system refuses something else
 MemoryError                 1   there is not enough memory
@@ -161,6 +162,12 @@ class GameError(RepaintError):
     """A game that is no part of repaint, such as StarCraft II, is absent or does not run."""
 
     exit_code = 9
+
+
+class DeviceError(RepaintError):
+    """No GPU works on this machine, or it is too small."""
+
+    exit_code = 10
 
 
 class Terminated(BaseException):

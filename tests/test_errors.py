@@ -389,7 +389,7 @@ def test_every_class_has_its_own_code_and_the_tree_on_top_says_so():
     own = [kind for kind in family(errors.RepaintError) if "exit_code" in vars(kind)]
     codes = {kind.__name__: kind.exit_code for kind in own}
     tree = dict(
-        re.findall(r"^\W*(\w+) +(\d) ", errors.__doc__.partition("\nOSError")[0], re.MULTILINE)
+        re.findall(r"^\W*(\w+) +(\d+) ", errors.__doc__.partition("\nOSError")[0], re.MULTILINE)
     )
     assert {name: int(code) for name, code in tree.items()} == codes
     assert len(set(codes.values())) == len(codes)
