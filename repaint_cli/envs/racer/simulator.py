@@ -54,6 +54,7 @@ class RacerSimulator(RacerSettings):
                 noise=Noise.of(noise) if noise and noisy else None,
                 appearance=appearance, race=self.race_rules(),
                 autoreset_mode=AutoresetMode.DISABLED if one_episode else AutoresetMode.NEXT_STEP,
+                device=self.device,
             )  # fmt: skip
         except ValueError as error:
             raise CardError(f"[env]: {error}") from error
