@@ -6,6 +6,7 @@ The device is torch's "meta", whose tensors have no values: whoever asks for one
 import json
 import re
 from dataclasses import replace
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -24,7 +25,8 @@ from repaint_cli.learn.update.update import update
 from repaint_cli.policies import devices
 from repaint_cli.policies.architecture import NetConfig
 from repaint_cli.policies.compound import Compound
-from repaint_cli.policies.distributions import Categorical, Gaussian, on_device
+from repaint_cli.policies.devices import HOST
+from repaint_cli.policies.distributions import Categorical, Gaussian
 from repaint_cli.policies.image_network import convolve_patches
 from repaint_cli.policies.networks import ActorCritic
 from repaint_cli.policies.spaces import Spaces
@@ -162,7 +164,7 @@ def test_no_step_asks_a_device_for_a_value(kind):
     for spec in specs(kind, samples):
         student = drawn(kind, device="meta")
         orders = torch.arange(9).repeat(PPO.n_epochs, 1)
-        job = graphs.Job(
+        job = graphs.NetworkUpdate(
             0, student.alone(0), RowAdam(student, 1e-3).alone(0),
             samples.to(META).alone(0), spec.to(META).alone(0, 9), orders,
         )  # fmt: skip
@@ -180,9 +182,34 @@ def test_the_update_as_written_asks_a_device_for_nothing_either(monkeypatch):
     step = optimizer.alone(0).step.__func__
     monkeypatch.setattr(RowAdam, "step", lambda *args: (steps.append(1), step(*args)))
     spec = UpdateSpec(ppo, 0.2, instances=samples_of(CAMERA, 5, 5), instance_scale=0.1)
-    with pytest.raises((NotImplementedError, RuntimeError, KeyboardInterrupt)):
+    monkeypatch.setattr(epochs, "side_by_side", lambda jobs: [job() for job in jobs])
+    with pytest.raises((NotImplementedError, RuntimeError), match="meta"):
         update(student, optimizer, samples, spec, generators())
-    assert len(steps) >= 2  # to the end of the first epoch, where losses are looked at
+    assert len(steps) == 2  # the first policy's epoch, at whose end losses are looked at
+
+
+def test_a_minibatch_is_no_larger_than_what_there_is():
+    samples = samples_of(VECTOR, 21, 9)
+    spec, student = UpdateSpec(PPO.model_copy(update={"minibatch_size": 10**9}), 0.2), drawn(VECTOR)
+    metrics = graphs.take_steps(student, RowAdam(student, 1e-3), samples, spec, generators())
+    assert np.isfinite(metrics["policy_loss"]).all()
+
+
+def test_nothing_goes_on_behind_an_error(monkeypatch):
+    waited, samples, student = [], samples_of(CAMERA, 9, 9), drawn(CAMERA)
+    monkeypatch.setattr(graphs.NetworkUpdate, "wait", lambda job: waited.append(job.seed))
+    monkeypatch.setattr(graphs, "check", Mock(side_effect=KeyboardInterrupt))
+    spec = UpdateSpec(PPO, 0.2)
+    with pytest.raises(KeyboardInterrupt):
+        graphs.take_steps(student, RowAdam(student, 1e-3), samples, spec, generators())
+    assert waited == [0, 0, 1, 1]
+
+
+def test_a_product_of_no_patches_is_nothing():
+    ways = (F.conv2d, convolve_patches)
+    weight, bias = torch.rand(6, 3, 8, 8), torch.rand(6)
+    shapes = [way(torch.rand(0, 3, 33, 21), weight, bias, 4).shape for way in ways]
+    assert shapes[0] == shapes[1]
 
 
 def test_a_product_of_patches_is_the_convolution():
@@ -199,7 +226,8 @@ def test_networks_move_to_a_device_and_back_with_all_that_they_are():
     network = drawn(VECTOR, 2)
     network.normalizer.update(0, torch.randn(50, 3))
     assert network.to("cpu") is network
-    copy = network.to("cpu:0")
+    network.device = META  # as if it lay elsewhere
+    copy, network.device = network.to("cpu"), HOST
     assert copy is not network
     assert torch.equal(copy.storage, network.storage)
     assert torch.equal(copy.normalizer.mean, network.normalizer.mean)
@@ -208,8 +236,8 @@ def test_networks_move_to_a_device_and_back_with_all_that_they_are():
     assert copy.normalizer.mean.device == META
     assert copy.weights["policy.0.weight"].grad is not None
     distribution = network.policy(torch.zeros(2, 4, 3))
-    assert on_device(distribution, torch.device("cpu")) is distribution
-    assert on_device(distribution, META).mean.device == META
+    assert distribution.to(HOST) is distribution
+    assert distribution.to(META).mean.device == META
 
 
 def test_a_gpu_that_is_not_there(repaint, home, monkeypatch):
@@ -242,7 +270,7 @@ def test_a_run_goes_on_where_it_is_told_to(repaint, lay, home, monkeypatch):
     go_on = ["train-teacher", "--resume", "run", "--iterations", 3]
     said = repaint(*go_on)
     assert said.code == DeviceError.exit_code
-    assert "the run began on cuda" in said.err
+    assert "the run learned on cuda so far" in said.err
     assert "--device cpu" in said.err
     said = repaint(*go_on, "--device", "cpu")
     assert said.code == 0

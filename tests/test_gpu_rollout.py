@@ -8,9 +8,11 @@ import pytest
 import torch
 
 from repaint_cli.envs.reward_terms import RewardTerms
+from repaint_cli.errors import DivergedError
 from repaint_cli.learn.evaluation import spaces_of
 from repaint_cli.learn.rollout import gpu
 from repaint_cli.learn.rollout.collect import collect, start
+from repaint_cli.learn.rollout.stream import Stream
 from repaint_cli.learn.seeding import Purpose
 from repaint_cli.policies.networks import ActorCritic
 from repaint_cli.tasks.card_files import read_task
@@ -68,7 +70,7 @@ def test_the_same_is_done_and_seen(name, settings, extent, monkeypatch):
         )  # fmt: skip
         if on_gpu:
             cars = StandIn(env.env)
-            monkeypatch.setattr(RewardTerms, "on_gpu", cars)
+            monkeypatch.setattr(RewardTerms, "device_env", cars)
             obs = tensors(obs)
         rngs = [np.random.default_rng(s) for s in range(2)]
         sides.append(collect(env, obs, student.policy, rngs, record=card.env.records, **extent))
@@ -88,3 +90,38 @@ def test_the_same_is_done_and_seen(name, settings, extent, monkeypatch):
         for part in theirs if isinstance(theirs, dict) else [None]:
             a, b = (theirs, ours) if part is None else (theirs[part], ours[part])
             assert torch.equal(a, b)
+
+
+def test_episodes_go_on_in_the_next_rollout(monkeypatch):
+    card = read_task("racer-inner").with_settings(SMALL)
+    ppo = card.ppo.model_copy(update={"n_episodes": None, "n_steps": 20, "n_envs": 5})
+    card = card.model_copy(update={"ppo": ppo})
+    assert card.continues_episodes
+    student = ActorCritic(spaces_of(card), card.net, 1)
+    student.initialize([np.random.default_rng(1)])
+    sides = []
+    for on_gpu in (False, True):
+        stream = Stream.begin(card, [100], 5, Purpose.TRAIN, 1, 0)
+        if on_gpu:
+            monkeypatch.setattr(RewardTerms, "device_env", StandIn(stream.env.env))
+            stream.obs = tensors(stream.obs)
+        rngs = [np.random.default_rng(1)]
+        sides.append([stream.collect(student.policy, rngs, 4) for _ in range(4)])
+    for cpu, there in zip(*sides, strict=True):
+        assert (there.valid == cpu.valid).all()
+        for field in ("actions", "rewards"):
+            ours, theirs = (getattr(side, field)[cpu.valid] for side in (there, cpu))
+            np.testing.assert_array_equal(ours, theirs, field)
+        assert torch.equal(there.observations.stores[0], cpu.observations.stores[0])
+        np.testing.assert_array_equal(there.last_obs, cpu.last_obs)
+    assert not all(side.valid.all() for side in sides[0])  # episodes began within
+
+
+def test_a_reward_that_is_not_finite_names_its_place():
+    rewards, valid = np.zeros((4, 2, 3)), np.ones((4, 2, 3), bool)
+    rewards[2, 1, 0], valid[1, 0, 0], rewards[1, 0, 0] = np.nan, False, np.nan
+    with pytest.raises(
+        DivergedError, match="a reward that is not, in environment 0 at step 2"
+    ) as it:
+        gpu.check_finite(rewards, valid)
+    assert it.value.row == 1

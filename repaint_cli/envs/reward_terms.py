@@ -71,7 +71,7 @@ class RewardTerms(VectorWrapper):
         self._ended = np.zeros(env.num_envs, bool)
 
     @property
-    def on_gpu(self) -> Any:
+    def device_env(self) -> Any:
         """The environments where they are on a GPU, which take and return arrays there, or None."""
         return getattr(self.env, "on_device", None)
 

@@ -67,7 +67,7 @@ class Simulator(Settings, ABC):
             CardError: the environment does not exist or has no limit.
         """
 
-    def on_gpu(self) -> "Simulator | None":
+    def gpu_simulator(self) -> "Simulator | None":
         """Return it as it trains on a GPU, or None where it, or one of its settings, cannot."""
         return None
 

@@ -15,6 +15,7 @@ from repaint_cli.learn.rollout.stream import Stream
 from repaint_cli.learn.rollout.transitions import Experience
 from repaint_cli.learn.seeding import Purpose, generator
 from repaint_cli.learn.update.adam import RowAdam
+from repaint_cli.policies.devices import HOST, make_deterministic
 from repaint_cli.policies.networks import ActorCritic
 from repaint_cli.settings import PPOConfig
 from repaint_cli.tasks.card import TaskCard
@@ -56,6 +57,7 @@ class Learner:
     ) -> "Learner":
         """Start with newly drawn parameters; `joint` says whether updates are algorithm 1's."""
         n = len(seeds)
+        make_deterministic(student.device.type)
         student.initialize([generator(seed, Purpose.INITIALIZE) for seed in seeds])
         optimizer = RowAdam(student, learning_rate, joint=joint)
         return cls(student, optimizer, seeds, 0, np.zeros(n, int), np.zeros(n))
@@ -154,15 +156,12 @@ class Learner:
         The environments are fresh, or where the card continues episodes those of the last time.
         """
         rngs = [generator(seed, purposes[1], k, stream) for seed in self.seeds]
-        where, on_gpu = (
-            (card, self.seeds, n_envs, purposes[0], k),
-            self.student.device.type == "cuda",
-        )
+        where, on_gpu = (card, self.seeds, n_envs, purposes[0], k), self.student.device != HOST
         if n_steps is not None and card.continues_episodes:
             name = f"{purposes[0].name.lower()}-{stream}"
             own = self.streams.get(name)
             if own is None or own.ended.shape != (len(self.seeds), n_envs):
-                own = self.streams[name] = Stream.begin(*where, stream)
+                own = self.streams[name] = Stream.begin(*where, stream, on_gpu=on_gpu)
             rollout = own.collect(policy, rngs, max(1, n_steps // n_envs), record)
         else:
             functions = self.functions_of(purposes[0], n_envs, stream)

@@ -30,6 +30,7 @@ from repaint_cli.learn.update.epochs import seed_by_seed
 from repaint_cli.learn.update.losses import squared_error
 from repaint_cli.learn.update.means import Means
 from repaint_cli.learn.update.objectives import mean_over
+from repaint_cli.policies.devices import HOST
 from repaint_cli.policies.distributions import Categorical, Distribution
 from repaint_cli.policies.networks import ActorCritic
 from repaint_cli.policies.spaces import Spaces
@@ -129,7 +130,8 @@ def _experience(card: TaskCard, rollout: Rollout, from_teacher: bool) -> Experie
     if card.ppo.time_limit == "terminal":
         ends = ends | flat(rollout, rollout.truncations)
     marks = torch.full(batch.rows.shape, from_teacher)
-    return Experience(**vars(batch) | {"terminations": ends}, from_teacher=marks)
+    whole = Experience(**vars(batch) | {"terminations": ends}, from_teacher=marks)
+    return whole.to(HOST)
 
 
 def extended(memory: Experience | None, batches: Sequence[Experience], size: int) -> Experience:

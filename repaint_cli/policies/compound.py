@@ -16,6 +16,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from repaint_cli.policies.devices import OnDevice
+
 if TYPE_CHECKING:
     from repaint_cli.policies.distributions import Distribution
 
@@ -24,7 +26,7 @@ HIDDEN = -1e4
 
 
 @dataclass(frozen=True)
-class Compound:
+class Compound(OnDevice):
     """A distribution over commands, and over each further number of an action."""
 
     log_probs: Tensor

@@ -5,20 +5,21 @@ is an argument, `noise`, so that every seed has its own generator and sampling i
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from math import log, pi
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 import torch
 from torch import Tensor
 
 from repaint_cli.policies.compound import Compound, mixture_of_compounds
+from repaint_cli.policies.devices import OnDevice
 from repaint_cli.symmetry import SignedPermutation
 
 
 @dataclass(frozen=True)
-class Gaussian:
+class Gaussian(OnDevice):
     """A Gaussian with independent dimensions, N(μ, σ²)."""
 
     mean: Tensor
@@ -89,7 +90,7 @@ class Gaussian:
 
 
 @dataclass(frozen=True)
-class Categorical:
+class Categorical(OnDevice):
     """A distribution over A actions."""
 
     log_probs: Tensor
@@ -152,16 +153,6 @@ class Categorical:
 
 
 Distribution: TypeAlias = Gaussian | Categorical | Compound
-
-
-def on_device(distribution: Distribution, device: torch.device) -> Distribution:
-    """Return a distribution with its tensors on a device: itself where they lie there."""
-    tensors = {f.name: getattr(distribution, f.name) for f in fields(distribution)}
-    elsewhere: Any = {
-        name: tensor.to(device) for name, tensor in tensors.items()
-        if isinstance(tensor, Tensor) and tensor.device != device
-    }  # fmt: skip
-    return replace(distribution, **elsewhere) if elsewhere else distribution
 
 
 def concat_samples(parts: Sequence[Distribution]) -> Distribution:

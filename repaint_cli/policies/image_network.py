@@ -98,6 +98,6 @@ def convolve_patches(x: Tensor, weight: Tensor, bias: Tensor, stride: int) -> Te
     (n, _, height, width), size = x.shape, weight.shape[-1]
     rows, columns = (1 + (side - size) // stride for side in (height, width))
     patches = x.unfold(2, size, stride).unfold(3, size, stride)  # (B, C, rows, columns, k, k)
-    flat = patches.permute(0, 2, 3, 1, 4, 5).reshape(n * rows * columns, -1)
+    flat = patches.permute(0, 2, 3, 1, 4, 5).reshape(n * rows * columns, weight[0].numel())
     out = torch.addmm(bias, flat, weight.flatten(1).T)
-    return out.view(n, rows, columns, -1).permute(0, 3, 1, 2)
+    return out.view(n, rows, columns, len(weight)).permute(0, 3, 1, 2)

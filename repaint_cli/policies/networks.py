@@ -56,8 +56,6 @@ class ActorCritic:
         self, spaces: Spaces, net: NetConfig, n_seeds: int, device: str | torch.device = "cpu"
     ) -> None:
         self.spaces, self.net, self.n_seeds = spaces, resolved(net), n_seeds
-        self.device = torch.device(device)
-        self._uses = self._find_uses()
         leaves = leaves_of(spaces, net)
         self.leaves = leaves["policy"] + leaves["value"]
         self.n_policy = sum(prod(leaf.shape) for leaf in leaves["policy"])
@@ -65,6 +63,8 @@ class ActorCritic:
         width = -(-total // LINE) * LINE  # every seed's row begins where it would alone
         self.storage = torch.zeros(n_seeds, width, device=device)[:, :total]
         self.gradients = torch.zeros(n_seeds, width, device=device)[:, :total]
+        self.device = self.storage.device
+        self._uses = self._find_uses()
         self.weights = dict(self._views())
         clip = inf if net.obs_clip == "none" else net.obs_clip
         self.normalizer = (
@@ -89,7 +89,7 @@ class ActorCritic:
 
     def to(self, device: str | torch.device) -> "ActorCritic":
         """Return these networks on a device: themselves where they lie there, else a copy."""
-        if torch.device(device) == self.device:
+        if torch.empty(0, device=device).device == self.device:
             return self
         other = ActorCritic(self.spaces, self.net, self.n_seeds, device)
         other.storage.copy_(self.storage)

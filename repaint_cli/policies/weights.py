@@ -101,7 +101,7 @@ def content_hash(tensors: Mapping[str, Tensor], header: Mapping[str, Any]) -> st
     digest = hashlib.sha256(json.dumps(header).encode())
     for name, tensor in sorted(tensors.items()):
         digest.update(f"\n{name} {tuple(tensor.shape)} {_type_name(tensor)}\n".encode())
-        digest.update(tensor.detach().contiguous().numpy().reshape(-1).view("u1").data)
+        digest.update(tensor.detach().cpu().contiguous().numpy().reshape(-1).view("u1").data)
     return digest.hexdigest()
 
 

@@ -8,7 +8,7 @@ from repaint_cli.errors import CardError, NotFound, TeacherMismatch
 from repaint_cli.files.provenance import stamp
 from repaint_cli.learn.evaluation import spaces_of
 from repaint_cli.policies import weights
-from repaint_cli.policies.devices import device_named
+from repaint_cli.policies.devices import device_named, make_deterministic
 from repaint_cli.policies.mirror import PolicyNetwork
 from repaint_cli.policies.networks import ActorCritic
 from repaint_cli.runs.checkpoint import NETWORKS, load_networks
@@ -42,7 +42,9 @@ class Policies:
 
     def to(self, device: str) -> "Policies":
         """Return them on a device by its name; see `device_named`."""
-        return replace(self, network=self.network.to(device_named(device)))
+        device = device_named(device)
+        make_deterministic(device)
+        return replace(self, network=self.network.to(device))
 
 
 def find_policies(policy: str | Path | None, card: TaskCard | None = None) -> Policies:

@@ -18,7 +18,7 @@ def notices_of(plan: Plan, teachers: RunTeachers) -> list[str]:
     if not begun:
         notices += teachers.target.env.doubts() + teachers.target.env.notes()
     if plan.device != "cpu":
-        where = "evaluations" if teachers.target.trains_on_gpu else "the environments"
+        where = "evaluations" if teachers.target.gpu_simulator else "the environments"
         notices.append(f"policies learn on {plan.device}; {where} stay on the CPU")
     if plan.task.transfer.distill_epochs and not _distils(plan):
         notices.append(

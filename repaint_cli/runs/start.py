@@ -102,9 +102,10 @@ def plan_resume(
     task, done = mended_task(run), run.returns.shape[1]
     check_mended(run, task)
     plan = plan_of(run.record, task, folder)
-    notices = [*notices_of_text(run, task), *_moved(plan.device, device)]
-    plan = replace(plan, notices=tuple(notices), mended=task != run.task)
-    plan = replace(plan, device=_device_to_go_on(plan, device))
+    now = _device_to_go_on(plan, device)
+    moved = f"the run goes on on {now}, where {plan.device} learned before: not bit for bit"
+    notices = [*notices_of_text(run, task), *[moved] * (now != plan.device)]
+    plan = replace(plan, notices=tuple(notices), mended=task != run.task, device=now)
     if for_teacher is not None and (plan.teacher_name is not None) != for_teacher:
         raise UsageError(f"{folder} was begun otherwise; go on with: {plan.resume_command}")
     if iterations is not None:
@@ -134,17 +135,9 @@ def _device_to_go_on(plan: Plan, device: str | None) -> str:
         return device_named(plan.device)
     except DeviceError as error:
         raise DeviceError(
-            f"the run began on {plan.device}, which does not work here; --device cpu goes on "
-            f"without it ({error})"
+            f"the run learned on {plan.device} so far, which does not work here; --device cpu goes "
+            f"on without it ({error})"
         ) from error
-
-
-def _moved(before: str, device: str | None) -> list[str]:
-    """Return a sentence about a run that goes on on another device."""
-    if device is None or device_named(device) == before:
-        return []
-    now = device_named(device)
-    return [f"the run goes on on {now}, where {before} learned before: not bit for bit"]
 
 
 def checked_seeds(seeds: Sequence[int]) -> list[int]:

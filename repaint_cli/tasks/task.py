@@ -187,9 +187,9 @@ class Task(Settings):
         return self.env.code_at_risk()
 
     @property
-    def trains_on_gpu(self) -> Simulator | None:
+    def gpu_simulator(self) -> Simulator | None:
         """The simulator on a GPU, or None where training needs something of the CPU."""
-        return None if self.reward_code else self.env.on_gpu()
+        return None if self.reward_code else self.env.gpu_simulator()
 
     def make_env(
         self,
@@ -211,7 +211,7 @@ class Task(Settings):
             training: see `Simulator.make`.
             replayable: whether their episodes are to be such as can be played again, if possible.
             functions: the user's reward functions of earlier copies; see `RewardFunctions.apply`.
-            on_gpu: whether they are to be on a GPU, where `trains_on_gpu`.
+            on_gpu: whether they are to be on a GPU, where `gpu_simulator`.
 
         Raises:
             CardError: the environment cannot be made.
@@ -222,7 +222,7 @@ class Task(Settings):
 
         with captured():
             made = self.env.make_replayable(n_envs) if replayable else None
-            simulator = (on_gpu and self.trains_on_gpu) or self.env
+            simulator = (on_gpu and self.gpu_simulator) or self.env
             env = made or simulator.make(n_envs, one_episode, noise, training)
         code, kind = self.reward_code, self.env.reward_functions
         if code and kind:

@@ -6,7 +6,7 @@ from repaint_cli.envs.racer.simulator import RacerSimulator
 
 
 class GpuRacer(RacerSimulator):
-    """The racer whose cars are on a GPU; `RacerSimulator.on_gpu` makes it, no card."""
+    """The racer whose cars are on a GPU; `RacerSimulator.gpu_simulator` makes it, no card."""
 
     device: ClassVar[str] = "cuda"
 

@@ -59,8 +59,8 @@ class RacerSimulator(RacerSettings):
         except ValueError as error:
             raise CardError(f"[env]: {error}") from error
 
-    def on_gpu(self) -> "Simulator | None":
-        """Return the racer as it trains on a GPU; see `Simulator.on_gpu`."""
+    def gpu_simulator(self) -> "Simulator | None":
+        """Return the racer as it trains on a GPU; see `Simulator.gpu_simulator`."""
         from repaint_cli.envs.racer.gpu_simulator import GpuRacer
 
         return GpuRacer.of(self)

@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from repaint_cli.learn.rollout.observations import Observations
-from repaint_cli.policies.distributions import Distribution, concat_policies, on_device
+from repaint_cli.policies.distributions import Distribution, concat_policies
 from repaint_cli.settings import PPOConfig
 
 
@@ -37,8 +37,7 @@ class SeedBatch:
     def to(self, device: torch.device) -> Self:
         """Return the batch with everything but the counts on a device."""
         columns = {
-            name: on_device(column, device) if isinstance(column, Distribution)
-            else column.to(device)
+            name: column.to(device)
             for name, column in self.columns.items() if column is not None
         }  # fmt: skip
         observations = self.observations.to(device)

@@ -20,15 +20,12 @@ from repaint_cli.learn.rollout.observations import arrays_of, each
 from repaint_cli.learn.rollout.storage import Rollout, RolloutBuilder
 from repaint_cli.learn.seeding import Purpose, env_seeds
 from repaint_cli.learn.side_by_side import one_thread
-from repaint_cli.policies.distributions import Distribution, on_device
+from repaint_cli.policies.devices import HOST
+from repaint_cli.policies.distributions import Distribution
 from repaint_cli.tasks.card import TaskCard
 
 Policy = Callable[[Any, Sequence[int]], Distribution]
 """Maps observations (S, B, *O), the first counts[s] of them real, to distributions."""
-
-
-HOST = torch.device("cpu")
-"""Where the numbers of rollouts and samples lie; networks and large observations may not."""
 
 
 def start(
@@ -111,8 +108,9 @@ def collect(
         extent = Extent(shape, n_steps, whole, each_steps)
         if playing is not None:
             extent.running &= playing
-        if env.on_gpu is not None:
-            return GpuRollout(env, obs, shape, record).roll(policy, rngs, extent)
+        if env.device_env is not None:
+            assert not greedy  # only training drives there
+            return GpuRollout(env, obs, shape, record).roll(policy, rngs, extent, resetting)
         builder = RolloutBuilder(shape, record, keep_images)
         return _roll(env, obs, act, builder, extent, resetting)
 
@@ -167,7 +165,7 @@ class _ActingPolicy:
             order = np.argsort(~valid, axis=1, kind="stable")  # (S, N)
             counts = valid.sum(1).tolist()
             envs = (np.arange(len(valid))[:, None], order[:, : max(counts)])
-        distribution = on_device(self.policy(each(_tensor, obs, envs), counts), HOST)
+        distribution = self.policy(each(_tensor, obs, envs), counts).to(HOST)
         chosen = (
             distribution.mode()
             if self.greedy

@@ -10,12 +10,13 @@ import torch
 from torch import Tensor
 
 from repaint_cli.learn.rollout.batches import SeedBatch
-from repaint_cli.learn.rollout.collect import HOST, Policy
+from repaint_cli.learn.rollout.collect import Policy
 from repaint_cli.learn.rollout.observations import Observations
 from repaint_cli.learn.rollout.storage import Rollout
 from repaint_cli.learn.rollout.transitions import counts_of, flat
 from repaint_cli.learn.side_by_side import side_by_side
-from repaint_cli.policies.distributions import Distribution, concat_samples, on_device
+from repaint_cli.policies.devices import HOST
+from repaint_cli.policies.distributions import Distribution, concat_samples
 from repaint_cli.settings import PPOConfig
 
 CHUNK = 512
@@ -143,8 +144,7 @@ def _passes(
         chunk = rows[:, start : start + size]
         real = (counts - start).clamp(0, chunk.shape[1]).tolist()
         with torch.no_grad():
-            out = network(observations.take(chunk), real)
-        return out.to(HOST) if isinstance(out, Tensor) else on_device(out, HOST)
+            return network(observations.take(chunk), real).to(HOST)
 
     if observations.small:
         return [outputs(0, rows.shape[1])]

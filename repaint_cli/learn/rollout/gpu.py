@@ -1,7 +1,7 @@
 """Act and step where policies and environments lie on one GPU: pictures never leave it.
 
-The same steps, noise and episodes as `collect` has them; only who has an episode left is asked for
-at each step, and the numbers of a rollout come to the host at its end.
+The same steps, noise and episodes as `collect` has them. At each step the host waits once, to learn
+whose episode ended; the other numbers of a rollout come to it at the end.
 **S** seeds · **T** steps · **N** environments per seed · **F** reward terms.
 """
 
@@ -14,6 +14,7 @@ import torch
 from torch import Tensor
 
 from repaint_cli.envs.reward_terms import RewardTerms, weighted_sum
+from repaint_cli.errors import DivergedError
 from repaint_cli.learn.rollout.extent import Extent
 from repaint_cli.learn.rollout.noise import ActionNoise
 from repaint_cli.learn.rollout.observations import Observations, arrays_of
@@ -39,9 +40,14 @@ class GpuRollout:
             shape: (S, N).
             record: further numbers to keep from `info`.
         """
-        self._env, self._shape, self._record, self._cars = env, shape, record, env.on_gpu
-        self._parts = {name: _Ring(_tensor(part), shape[0]) for name, part in by_name(obs).items()}
+        self._env, self._shape, self._record, self._cars = env, shape, record, env.device_env
+        self._parts = {
+            name: _RingBuffer(_tensor(part), shape[0]) for name, part in by_name(obs).items()
+        }
         self._named, self._device = isinstance(obs, dict), _tensor(arrays_of(obs)[0]).device
+        space = env.single_action_space
+        bounds = (space.low, space.high) if isinstance(space, gymnasium.spaces.Box) else ()
+        self._bounds = [torch.from_numpy(bound).to(self._device) for bound in bounds]
         self._kept: list[np.ndarray] = []  # (T+1,) of (S, N)
         self._numbers: list[dict[str, Tensor]] = []  # (T,) of (S · N, …)
         self._flags: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
@@ -51,10 +57,17 @@ class GpuRollout:
         policy: Callable[[Any, Any], Distribution],
         rngs: Sequence[np.random.Generator],
         extent: Extent,
+        resetting: np.ndarray,
     ) -> Rollout:
-        """Let a policy act until every seed has enough; see `collect.collect`."""
-        noise, shape = ActionNoise(rngs, self._shape[1]), self._shape
-        resetting, acted = np.zeros(shape, bool), np.zeros(shape, bool)
+        """Let a policy act until every seed has enough; see `collect.collect`.
+
+        `resetting` says whose next step begins an episode, (S, N).
+
+        Raises:
+            DivergedError: a reward is not finite; it is noticed at the end.
+        """
+        noise, acted = ActionNoise(rngs, self._shape[1]), np.zeros(self._shape, bool)
+        self._resetting = resetting
         while True:
             valid = extent.valid(resetting)
             self._kept.append(valid | acted)
@@ -100,11 +113,9 @@ class GpuRollout:
 
     def _clipped(self, actions: Tensor) -> Tensor:
         """Return actions as the environment is to see them; see `collect.clip`."""
-        space = self._env.single_action_space
-        if not isinstance(space, gymnasium.spaces.Box):
+        if not self._bounds:
             return actions
-        bounds = (torch.from_numpy(b).to(actions.device) for b in (space.low, space.high))
-        return actions.double().clamp(*bounds)
+        return actions.double().clamp(*self._bounds)
 
     def _build(self) -> Rollout:
         """Bring the numbers to the host, and leave the observations where they are."""
@@ -114,12 +125,15 @@ class GpuRollout:
             for name in self._numbers[0]
         }
         by_seed = {n: a.reshape(len(valid), *self._shape, *a.shape[2:]) for n, a in numbers.items()}
-        terms = by_seed["reward_terms"] * ~_resets(terminated | truncated)[..., None]
+        begins = np.stack([self._resetting, *(terminated | truncated)[:-1]])  # no reward is paid
+        terms = by_seed["reward_terms"] * ~begins[..., None]
+        rewards = weighted_sum(terms, self._env.weights)
+        check_finite(rewards, valid)
+        last = {name: ring.now.clone() for name, ring in self._parts.items()}
         return Rollout(
             Observations(self._stores()), index_of(self._kept), by_seed["actions"],
-            by_seed["log_probs"], terms,
-            weighted_sum(terms, self._env.weights), terminated, truncated, valid,
-            {name: by_seed[name] for name in self._record},
+            by_seed["log_probs"], terms, rewards, terminated, truncated, valid,
+            {name: by_seed[name] for name in self._record}, last if self._named else last[""],
         )  # fmt: skip
 
     def _stores(self) -> list[Any]:
@@ -133,7 +147,7 @@ class GpuRollout:
         ]
 
 
-class _Ring:
+class _RingBuffer:
     """Room for the newest `BLOCK` observations of all environments, of which some are kept."""
 
     def __init__(self, first: Tensor, n_seeds: int) -> None:
@@ -168,10 +182,20 @@ class _Ring:
         return [torch.cat(kept) for kept in self._kept]
 
 
-def _resets(ended: np.ndarray) -> np.ndarray:
-    """Return which steps only begin an episode, (T, S, N), by which steps ended one."""
-    resets: np.ndarray = np.concatenate([np.zeros_like(ended[:1]), ended[:-1]])
-    return resets
+def check_finite(rewards: np.ndarray, valid: np.ndarray) -> None:
+    """Check the rewards of the steps that count, (T, S, N).
+
+    Raises:
+        DivergedError: one is not finite.
+    """
+    bad = np.argwhere(valid & ~np.isfinite(rewards))
+    if len(bad):
+        t, s, n = bad[0]
+        raise DivergedError(
+            "expected finite numbers from the environment, found a reward that is not, "
+            f"in environment {n} at step {t} of the rollout",
+            row=int(s),
+        )
 
 
 def _tensor(array: Any) -> Tensor:

@@ -46,11 +46,13 @@ class Stream:
 
     @classmethod
     def begin(
-        cls, card: TaskCard, seeds: list[int], n_envs: int, purpose: Purpose, k: int, stream: int
-    ) -> Self:
+        cls, card: TaskCard, seeds: list[int], n_envs: int, purpose: Purpose, k: int, stream: int,
+        *, on_gpu: bool = False,
+    ) -> Self:  # fmt: skip
         """Make and reset environments with seeds that iteration k names; see `collect.start`."""
+        where = card, seeds, n_envs, purpose, k
+        env, obs = start(*where, stream=stream, replayable=True, on_gpu=on_gpu)
         shape = len(seeds), n_envs
-        env, obs = start(card, seeds, n_envs, purpose, k, stream=stream, replayable=True)
         first_seeds = np.reshape(env_seeds(seeds, purpose, k, n_envs, stream), shape)
         zeros = np.zeros(shape, int)
         return cls(

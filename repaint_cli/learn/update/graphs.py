@@ -1,11 +1,12 @@
-"""The update on a GPU: each minibatch is one replay of a recorded graph, and nothing is waited for.
+"""The update on a GPU: each minibatch is one replay of a graph that is recorded once an update.
 
 Same samples, same order, same numbers to rounding as `epochs`, but of fixed shapes: every minibatch
 is full, and what pads its last one weighs 0. Small networks are bound by how fast kernels are
-launched; a graph launches all of a minibatch at once. A seed's policy and critic share nothing, so
-each has a stream of its own.
+launched; a graph launches all of a minibatch at once, and none waits for the GPU. A seed's policy
+and critic share nothing, so each has a stream of its own.
 """
 
+import gc
 from collections.abc import Sequence
 from contextlib import nullcontext
 from dataclasses import fields, replace
@@ -54,24 +55,32 @@ def take_steps(
     for s, n in enumerate(samples.counts.tolist()):
         own, alone = samples.alone(s), spec.alone(s, n)
         orders = torch.cat([shuffle(own, [rngs[s]]) for _ in range(spec.ppo.n_epochs)])
-        jobs += [
-            Job(s, student.alone(s), optimizer.alone(s), own, replace(alone, networks=part), orders)
-            for part in parts if n
-        ]  # fmt: skip
+        for part in parts if n else ():
+            networks = student.alone(s), optimizer.alone(s)
+            jobs.append(NetworkUpdate(s, *networks, own, replace(alone, networks=part), orders))
     progress(0, sum(job.n_steps for job in jobs), "batches")
-    for _ in range(spec.ppo.n_epochs):
-        for j in range(max((job.per_epoch for job in jobs), default=0)):
-            for job in jobs:
-                if j < job.per_epoch and not job.stopped:
-                    job.step()
-                advance()
-            check()
+    try:
+        for _ in range(spec.ppo.n_epochs):
+            _take_epoch(jobs)
+    finally:  # nothing goes on behind an error
         for job in jobs:
-            job.end_epoch()
+            job.wait()
     return _together(jobs, len(rngs))
 
 
-class Job:
+def _take_epoch(jobs: "Sequence[NetworkUpdate]") -> None:
+    """Take an epoch's steps of all jobs, in turn, and look at them."""
+    for j in range(max((job.per_epoch for job in jobs), default=0)):
+        for job in jobs:
+            if j < job.per_epoch and not job.stopped:
+                job.step()
+            advance()
+        check()
+    for job in jobs:
+        job.end_epoch()
+
+
+class NetworkUpdate:
     """The steps of one seed's networks, recorded after the first ones where that is possible."""
 
     def __init__(
@@ -95,7 +104,8 @@ class Job:
         """
         self.seed, self.stopped, self.done = seed, False, 0
         self._student, self._optimizer, self._spec, self._read = student, optimizer, spec, 0
-        size, n, device = spec.ppo.minibatch_size, orders.shape[1], student.device
+        n, device = orders.shape[1], student.device
+        size = min(spec.ppo.minibatch_size, n)
         self.per_epoch = -(-n // size)
         reach = torch.arange(self.per_epoch * size).clamp(max=n - 1)
         positions = orders[:, reach].reshape(-1, size)  # (steps, b)
@@ -118,14 +128,22 @@ class Job:
         """Take the next step; nothing is waited for."""
         with torch.cuda.stream(self._stream) if self._stream else nullcontext():
             if self._graph is None and self._stream and self.done == WARM_UP:
-                self._graph = torch.cuda.CUDAGraph()
-                with torch.cuda.graph(self._graph, stream=self._stream):
-                    self._take_step()
+                self._record()
             if self._graph is None:
                 self._take_step()
             else:
                 self._graph.replay()
         self.done += 1
+
+    def _record(self) -> None:
+        """Record a step, which is not taken."""
+        self._graph = torch.cuda.CUDAGraph()
+        gc.disable()  # what it would free meanwhile ends a recording
+        try:
+            with torch.cuda.graph(self._graph, stream=self._stream):
+                self._take_step()
+        finally:
+            gc.enable()
 
     def _take_step(self) -> None:
         """Take the step that `_next` counts, which lies on the device as all that changes."""
@@ -156,14 +174,18 @@ class Job:
             return None
         return column.view(self.n_steps, -1, *column.shape[2:]).index_select(0, self._next)
 
+    def wait(self) -> None:
+        """Wait for the steps that were begun."""
+        if self._stream:
+            self._stream.synchronize()
+
     def end_epoch(self) -> None:
         """Wait for the epoch's steps, check their losses, and stop a policy that went too far.
 
         Raises:
             DivergedError: a loss is not finite; it names the first of its parts that is not.
         """
-        if self._stream:
-            self._stream.synchronize()
+        self.wait()
         epoch, self._read = self.numbers[self._read :], self.done
         diverged = ~np.isfinite(epoch[:, 0])
         if diverged.any():
@@ -187,7 +209,7 @@ class Job:
         return {name: float(mean) for name, mean in of_moved.items() if name != "loss"}
 
 
-def _together(jobs: Sequence[Job], n_seeds: int) -> dict[str, np.ndarray]:
+def _together(jobs: Sequence[NetworkUpdate], n_seeds: int) -> dict[str, np.ndarray]:
     """Return the metrics of all jobs, (S,) each; nan of a seed that took no step."""
     together: dict[str, np.ndarray] = {}
     for job in jobs:

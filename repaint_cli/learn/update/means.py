@@ -5,7 +5,7 @@ import torch
 from torch import Tensor
 
 from repaint_cli.errors import DivergedError
-from repaint_cli.learn.rollout.collect import HOST
+from repaint_cli.policies.devices import HOST
 
 
 class Means:

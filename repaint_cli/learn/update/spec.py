@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from repaint_cli.learn.rollout.gae import Samples
-from repaint_cli.policies.distributions import Distribution, on_device
+from repaint_cli.policies.distributions import Distribution
 from repaint_cli.settings import PPOConfig
 
 Networks = Literal["both", "policy", "critic"]
@@ -51,7 +51,7 @@ class UpdateSpec:
         """Return the specification with its tensors on a device, but for counts."""
         return replace(
             self,
-            teacher=self.teacher and on_device(self.teacher, device),
+            teacher=self.teacher and self.teacher.to(device),
             beta=self.beta.to(device) if isinstance(self.beta, Tensor) else self.beta,
             instances=self.instances and self.instances.to(device),
         )

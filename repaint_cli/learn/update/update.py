@@ -5,13 +5,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from repaint_cli.activity import doing
-from repaint_cli.learn.rollout.collect import HOST
 from repaint_cli.learn.rollout.gae import Samples
 from repaint_cli.learn.side_by_side import one_thread
 from repaint_cli.learn.update import epochs, graphs
 from repaint_cli.learn.update.adam import RowAdam
 from repaint_cli.learn.update.compiled import update as compiled
 from repaint_cli.learn.update.spec import UpdateSpec
+from repaint_cli.policies.devices import HOST
 from repaint_cli.policies.networks import ActorCritic
 
 

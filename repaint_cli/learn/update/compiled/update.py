@@ -14,7 +14,6 @@ import torch
 
 from repaint_cli import interruption
 from repaint_cli.errors import DivergedError
-from repaint_cli.learn.rollout.collect import HOST
 from repaint_cli.learn.rollout.gae import Samples
 from repaint_cli.learn.side_by_side import side_by_side
 from repaint_cli.learn.update.adam import RowAdam
@@ -25,6 +24,7 @@ from repaint_cli.learn.update.compiled.kernels import (
 )
 from repaint_cli.learn.update.compiled.views import adam_view, leaf_view, network_view
 from repaint_cli.learn.update.spec import UpdateSpec
+from repaint_cli.policies.devices import HOST
 from repaint_cli.policies.distributions import Categorical, Gaussian
 from repaint_cli.policies.networks import ActorCritic
 
