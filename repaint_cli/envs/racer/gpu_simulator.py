@@ -2,7 +2,9 @@
 
 from typing import ClassVar, Self
 
+from repaint_cli.envs.racer.device.card import check_card
 from repaint_cli.envs.racer.simulator import RacerSimulator
+from repaint_cli.errors import DeviceError
 
 
 class GpuRacer(RacerSimulator):
@@ -12,6 +14,11 @@ class GpuRacer(RacerSimulator):
 
     @classmethod
     def of(cls, env: RacerSimulator) -> Self | None:
-        """Return a card's racer there, or None where a setting is for the CPU alone."""
-        of_cpu = len(env.tracks) > 1, env.random_light, env.random_colours, env.training_noise
-        return None if any(of_cpu) else cls(**dict(env))
+        """Return a card's racer there; None where a setting is for the CPU, or no GPU works."""
+        if len(env.tracks) > 1 or env.random_light or env.random_colours or env.training_noise:
+            return None
+        try:
+            check_card()
+        except DeviceError:
+            return None
+        return cls(**dict(env))
