@@ -6,6 +6,7 @@ import pytest
 import racer_reference as reference
 from numpy.testing import assert_allclose, assert_array_equal
 
+from repaint_cli.envs.racer.dynamics import progress as progresses
 from repaint_cli.envs.racer.dynamics import rules
 from repaint_cli.envs.racer.dynamics.car import CAR_POINTS, FRONT_OFFSET
 from repaint_cli.envs.racer.names import STATUS
@@ -19,7 +20,7 @@ REAL = ROOT.parent / "shared" / "data" / "deepracer"
 def judged(wheels=4, progress=50.0, steps=1, still=0, backwards=0, crashed=False):
     measures = np.zeros((1, 6))
     measures[0, WHEELS_ON] = wheels
-    counters = rules.Counters(*(np.array([n]) for n in (steps, still, backwards)))
+    counters = progresses.Counters(*(np.array([n]) for n in (steps, still, backwards)))
     crashes = np.array([crashed])
     return STATUS[rules.status_of(measures, np.array([progress]), counters, 100, crashes)[0]]
 
@@ -48,7 +49,7 @@ def test_status(facts, status):
 
 
 def test_counters_count_in_a_row():
-    counters = rules.Counters.zeros(3)
+    counters = progresses.Counters.zeros(3)
     rows = np.array([0, 2])
     for moved, gained in (([0.0, 0.1], [0.0, -1.0]), ([0.0003, 0.1], [0.1, -1.0])):
         counters.count(rows, np.array(moved), np.array(gained))
@@ -73,7 +74,7 @@ def test_counters_count_in_a_row():
     ],
 )
 def test_progress(ndist, start, previous, progress):
-    answer = rules.progress_since(*(np.array([value]) for value in (ndist, start, previous)))
+    answer = progresses.progress_since(*(np.array([value]) for value in (ndist, start, previous)))
     assert_allclose(answer, progress, atol=1e-9)
 
 
@@ -119,7 +120,7 @@ def test_progress_and_wheels_are_those_of_real_logs(kind):
     for row, measured, percent in zip(rows, measures, logged, strict=True):
         if row["episode_status"] == "prepare":  # episodes start at multiples of 0.05 laps
             previous, start = 0.0, np.round((measured[NDIST] - percent / 100) * 20) / 20
-        ours = rules.progress_since(
+        ours = progresses.progress_since(
             *(np.array([value]) for value in (measured[NDIST], start, previous))
         )[0]
         wrong += abs(ours - percent) > 1e-3

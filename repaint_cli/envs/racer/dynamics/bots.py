@@ -66,6 +66,35 @@ def place_bot(
 
 
 @kernel
+def drive_bots_of_one(
+    seconds: float, speed: float, change_length: float, centre: np.ndarray, distances: np.ndarray,
+    inner: np.ndarray, outer: np.ndarray, along: np.ndarray, goals: np.ndarray,
+    changed: np.ndarray, waits: np.ndarray, waiting: np.ndarray, n_changes: np.ndarray,
+    paused: float, poses: np.ndarray,
+) -> float:  # fmt: skip
+    """Move the bots of one car; return how long they stand still yet, s. See `drive_bots`."""
+    reach = HALF_BASE / change_length  # the front axle changes lanes earlier, the rear one later
+    moving = max(seconds - paused, 0.0)
+    for bot in range(along.shape[0]):
+        step = speed * moving
+        along[bot] = (along[bot] + step) % distances[-1]
+        if changed[bot] < 1.0 + reach:
+            changed[bot] += step / change_length
+        else:
+            waiting[bot] -= moving
+            if waiting[bot] <= 0.0:
+                goals[bot] = -goals[bot]
+                changed[bot] = -reach
+                n_changes[bot] += 1
+                waiting[bot] = waits[bot, n_changes[bot] % waits.shape[1]]
+        place_bot(
+            centre, distances, inner, outer, along[bot], goals[bot], changed[bot], reach,
+            poses[bot],
+        )  # fmt: skip
+    return max(paused - seconds, 0.0)
+
+
+@kernel
 def drive_bots(
     rows: np.ndarray, seconds: float, speed: float, change_length: float, centre: np.ndarray,
     distances: np.ndarray, inner: np.ndarray, outer: np.ndarray, along: np.ndarray,
@@ -92,23 +121,9 @@ def drive_bots(
         paused: how long the bots of a car stand still yet, (N,), s.
         poses: filled, (N, B, 4).
     """
-    reach = HALF_BASE / change_length  # the front axle changes lanes earlier, the rear one later
     for row in rows:
-        moving = max(seconds - paused[row], 0.0)
-        paused[row] = max(paused[row] - seconds, 0.0)
-        for bot in range(along.shape[1]):
-            step = speed * moving
-            along[row, bot] = (along[row, bot] + step) % distances[-1]
-            if changed[row, bot] < 1.0 + reach:
-                changed[row, bot] += step / change_length
-            else:
-                waiting[row, bot] -= moving
-                if waiting[row, bot] <= 0.0:
-                    goals[row, bot] = -goals[row, bot]
-                    changed[row, bot] = -reach
-                    n_changes[row, bot] += 1
-                    waiting[row, bot] = waits[row, bot, n_changes[row, bot] % waits.shape[2]]
-            place_bot(
-                centre, distances, inner, outer, along[row, bot], goals[row, bot],
-                changed[row, bot], reach, poses[row, bot],
-            )  # fmt: skip
+        paused[row] = drive_bots_of_one(
+            seconds, speed, change_length, centre, distances, inner, outer, along[row],
+            goals[row], changed[row], waits[row], waiting[row], n_changes[row], paused[row],
+            poses[row],
+        )  # fmt: skip

@@ -3,6 +3,8 @@
 All cars have the body of DeepRacer's collision rectangle, centred on the base.
 """
 
+import math
+
 import numpy as np
 
 from repaint_cli.kernels import kernel
@@ -85,6 +87,34 @@ def body_in_view(
 
 
 @kernel
+def meet_one(
+    state: np.ndarray, along: float, length: float, poses: np.ndarray, objects_along: np.ndarray,
+    own: np.ndarray, body: np.ndarray, lens: np.ndarray, corners: np.ndarray,
+    encounter: np.ndarray,
+) -> None:  # fmt: skip
+    """Measure the encounters of one car; `corners` (4, 2) is to work in, else as in `meet`."""
+    encounter[DISTANCE], encounter[HAZARDS], encounter[HIT] = np.inf, 0, 0
+    encounter[AT_FAULT] = 0
+    nearest, least = 0, np.inf
+    for k in range(poses.shape[0]):
+        box = poses[k]
+        ahead = (objects_along[k] - along) % length
+        if ahead < least:
+            nearest, least = k, ahead
+        gap = math.hypot(box[0] - state[0], box[1] - state[1])
+        encounter[DISTANCE] = min(encounter[DISTANCE], gap)
+        if gap < HAZARD and off_bow(state, box) < HAZARD_ANGLE:
+            encounter[HAZARDS] += 1
+        corners_of(state[0], state[1], state[2], own, corners)
+        if body_touches(box, body, corners):
+            encounter[HIT] += 1
+            if ahead < length / 2.0:
+                encounter[AT_FAULT] = 1
+    encounter[NEXT] = nearest
+    encounter[NEXT_SEEN] = body_in_view(state, lens, poses[nearest], body, corners)
+
+
+@kernel
 def meet(
     rows: np.ndarray, states: np.ndarray, along: np.ndarray, length: float, poses: np.ndarray,
     objects_along: np.ndarray, own: np.ndarray, body: np.ndarray, lens: np.ndarray,
@@ -108,23 +138,9 @@ def meet(
         out: filled with DISTANCE to the nearest object (m), number of HAZARDS and of objects HIT,
             AT_FAULT, which is NEXT, and NEXT_SEEN, (N, 6).
     """
-    corners, ahead = np.empty((4, 2)), np.empty(poses.shape[1])
+    corners = np.empty((4, 2))
     for row in rows:
-        state, encounter = states[row], out[row]
-        encounter[DISTANCE], encounter[HAZARDS], encounter[HIT] = np.inf, 0, 0
-        encounter[AT_FAULT] = 0
-        for k in range(poses.shape[1]):
-            box = poses[row, k]
-            ahead[k] = (objects_along[row, k] - along[row]) % length
-            gap = np.hypot(box[0] - state[0], box[1] - state[1])
-            encounter[DISTANCE] = min(encounter[DISTANCE], gap)
-            if gap < HAZARD and off_bow(state, box) < HAZARD_ANGLE:
-                encounter[HAZARDS] += 1
-            corners_of(state[0], state[1], state[2], own, corners)
-            if body_touches(box, body, corners):
-                encounter[HIT] += 1
-                if ahead[k] < length / 2.0:
-                    encounter[AT_FAULT] = 1
-        nearest = np.argmin(ahead)
-        encounter[NEXT] = nearest
-        encounter[NEXT_SEEN] = body_in_view(state, lens, poses[row, nearest], body, corners)
+        meet_one(
+            states[row], along[row], length, poses[row], objects_along[row], own, body, lens,
+            corners, out[row],
+        )  # fmt: skip

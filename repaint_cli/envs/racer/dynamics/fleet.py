@@ -23,10 +23,9 @@ from repaint_cli.envs.racer.dynamics.car import (
 from repaint_cli.envs.racer.dynamics.directions import Directions, Rows, several
 from repaint_cli.envs.racer.dynamics.encounters import AT_FAULT, CAR_BODY, HIT, NEXT, meet
 from repaint_cli.envs.racer.dynamics.objects import Objects, ObjectSettings
+from repaint_cli.envs.racer.dynamics.progress import Counters, progress_since
 from repaint_cli.envs.racer.dynamics.rules import (
     IN_PROGRESS,
-    Counters,
-    progress_since,
     reward_terms,
     status_of,
     traffic_terms,

@@ -1,14 +1,13 @@
-"""The rules of an episode: progress, how it ends, the reward terms φ. Plain numpy over all cars.
+"""The rules of an episode: how it ends, and the reward terms φ. SI units, progress in percent.
 
-Progress is a percentage of the lap since the start; the other units are SI.
+A rule is a function of one car's numbers, `…_one`, that kernels call, and one of arrays over cars.
 """
-
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from repaint_cli.envs.racer.dynamics.encounters import CLEAR, DISTANCE, HAZARDS, NEXT_SEEN
+from repaint_cli.envs.racer.dynamics.progress import Counters
 from repaint_cli.envs.racer.names import STATUS
 from repaint_cli.envs.racer.track.geometry import (
     CENTRE_GAP,
@@ -18,67 +17,51 @@ from repaint_cli.envs.racer.track.geometry import (
     WHEELS_ON,
     Floats,
 )
+from repaint_cli.kernels import kernel
 
 IN_PROGRESS, LAP_COMPLETE, OFF_TRACK, IMMOBILIZED, REVERSED, TIME_UP, CRASHED = range(len(STATUS))
 
 PATIENCE = 15
 """Steps in a row without movement, or with falling progress, that end an episode."""
-STILL = 0.0003
-"""A base that moves no further than this in a step has not moved, m."""
 KEEP_MARGIN = 0.05
 """Room between the front point and the road's edge that counts as keeping the road, m."""
 
 
-def progress_since(ndist: Floats, start_ndist: Floats, previous: Floats) -> Floats:
-    """Return the percentage of the lap driven since the start, (N,), at most 100.
-
-    The lap fraction jumps at the start line and is ambiguous behind the start; of the candidates a
-    lap apart the result is the one within half a lap of the previous progress. It is negative for a
-    car behind its start.
-
-    Args:
-        ndist: lap fraction of the front point, (N,).
-        start_ndist: lap fraction of the episode's start, (N,).
-        previous: progress one step ago, (N,); 0 before the first.
-    """
-    progress = 100 * (ndist - start_ndist)
-    progress = np.where(progress <= 0, progress + 100, progress)
-    progress = np.where(previous > progress + 50, progress + 100, progress)
-    progress = np.where(progress > previous + 50, progress - 100, progress)
-    return np.minimum(progress, 100)
+TERMS, TRAFFIC_TERMS = ("lane", "keep", "dprog", "fail"), ("clear", "hazard", "camlane")
+"""What `terms_one` and `traffic_terms_one` return, in their order."""
 
 
-@dataclass
-class Counters:
-    """How long each car has been in trouble, and on the road."""
+@kernel
+def status_one(
+    wheels_on: float, progress: float, crashed: bool, steps: int, still: int, backwards: int,
+    max_steps: int,
+) -> int:  # fmt: skip
+    """Return one car's status; see `status_of`."""
+    status = IN_PROGRESS
+    if wheels_on == 0 and not progress >= 100:
+        status = OFF_TRACK
+    elif crashed:
+        status = CRASHED
+    elif progress >= 100:
+        status = LAP_COMPLETE
+    elif still >= PATIENCE:
+        status = IMMOBILIZED
+    elif backwards >= PATIENCE:
+        status = REVERSED
+    elif steps >= max_steps:
+        status = TIME_UP
+    return status
 
-    steps: NDArray[np.int64]
-    """Steps of this episode, (N,)."""
-    still: NDArray[np.int64]
-    """Steps in a row without movement, (N,)."""
-    backwards: NDArray[np.int64]
-    """Steps in a row with falling progress, (N,)."""
 
-    @classmethod
-    def zeros(cls, n: int) -> "Counters":
-        """Make the counters of N cars."""
-        return cls(*(np.zeros(n, dtype=np.int64) for _ in range(3)))
-
-    def clear(self, rows: NDArray[np.int64]) -> None:
-        """Start new episodes in these rows, (K,)."""
-        for counter in (self.steps, self.still, self.backwards):
-            counter[rows] = 0
-
-    def clear_trouble(self, rows: NDArray[np.int64]) -> None:
-        """Let these rows (K,) go on in their episodes as if they had moved."""
-        for counter in (self.still, self.backwards):
-            counter[rows] = 0
-
-    def count(self, rows: NDArray[np.int64], moved: Floats, gained: Floats) -> None:
-        """Count a step of rows (K,): how far each base moved (K,), m; progress gained (K,)."""
-        self.steps[rows] += 1
-        self.still[rows] = np.where(moved <= STILL, self.still[rows] + 1, 0)
-        self.backwards[rows] = np.where(gained < 0, self.backwards[rows] + 1, 0)
+@kernel
+def _status_rows(
+    wheels_on: np.ndarray, progress: np.ndarray, crashed: np.ndarray, steps: np.ndarray,
+    still: np.ndarray, backwards: np.ndarray, max_steps: int, status: np.ndarray,
+) -> None:  # fmt: skip
+    for k in range(len(status)):
+        status[k] = status_one(
+            wheels_on[k], progress[k], crashed[k], steps[k], still[k], backwards[k], max_steps
+        )  # fmt: skip
 
 
 def status_of(
@@ -100,19 +83,39 @@ def status_of(
         max_steps: the time limit, steps.
         crashed: whether it hit an object and that ends the episode, (N,).
     """
-    arrived = progress >= 100
-    return np.select(
-        [
-            (measures[:, WHEELS_ON] == 0) & ~arrived,
-            crashed,
-            arrived,
-            counters.still >= PATIENCE,
-            counters.backwards >= PATIENCE,
-            counters.steps >= max_steps,
-        ],
-        [OFF_TRACK, CRASHED, LAP_COMPLETE, IMMOBILIZED, REVERSED, TIME_UP],
-        IN_PROGRESS,
-    )
+    status = np.empty(len(progress), np.int64)
+    _status_rows(
+        measures[:, WHEELS_ON], progress, crashed, counters.steps, counters.still,
+        counters.backwards, max_steps, status,
+    )  # fmt: skip
+    return status
+
+
+@kernel
+def terms_one(
+    wheels_on: float, centre_gap: float, inner_gap: float, outer_gap: float, road_width: float,
+    gained: float, status: int,
+) -> tuple[float, float, float, float]:  # fmt: skip
+    """Return one car's `TERMS`; see `reward_terms`."""
+    side = 1.0 if inner_gap < outer_gap else -1.0
+    keeps = wheels_on == 4 and road_width / 2 - centre_gap >= KEEP_MARGIN
+    fails = status in (OFF_TRACK, CRASHED)
+    return (
+        side if wheels_on > 0 else 0.0, 1.0 if keeps else 0.0, gained / 100,
+        1.0 if fails else 0.0,
+    )  # fmt: skip
+
+
+@kernel
+def _terms_rows(
+    wheels_on: np.ndarray, centre_gap: np.ndarray, inner_gap: np.ndarray, outer_gap: np.ndarray,
+    road_width: np.ndarray, gained: np.ndarray, status: np.ndarray, terms: np.ndarray,
+) -> None:  # fmt: skip
+    for k in range(len(status)):
+        terms[0, k], terms[1, k], terms[2, k], terms[3, k] = terms_one(
+            wheels_on[k], centre_gap[k], inner_gap[k], outer_gap[k], road_width[k], gained[k],
+            status[k],
+        )  # fmt: skip
 
 
 def reward_terms(measures: Floats, gained: Floats, status: NDArray[np.int64]) -> dict[str, Floats]:
@@ -128,15 +131,32 @@ def reward_terms(measures: Floats, gained: Floats, status: NDArray[np.int64]) ->
         gained: progress gained in this step, percent, (N,).
         status: `status_of` after this step, (N,).
     """
-    wheels_on = measures[:, WHEELS_ON]
-    side = np.where(measures[:, INNER_GAP] < measures[:, OUTER_GAP], 1.0, -1.0)
-    room = measures[:, ROAD_WIDTH] / 2 - measures[:, CENTRE_GAP]
-    return {
-        "lane": np.where(wheels_on > 0, side, 0.0),
-        "keep": ((wheels_on == 4) & (room >= KEEP_MARGIN)).astype(np.float64),
-        "dprog": gained / 100,
-        "fail": ((status == OFF_TRACK) | (status == CRASHED)).astype(np.float64),
-    }
+    terms = np.empty((len(TERMS), len(status)))
+    columns = (measures[:, c] for c in (WHEELS_ON, CENTRE_GAP, INNER_GAP, OUTER_GAP, ROAD_WIDTH))
+    _terms_rows(*columns, gained, status, terms)
+    return dict(zip(TERMS, terms, strict=True))
+
+
+@kernel
+def traffic_terms_one(
+    encounter: np.ndarray, next_side: float, lane: float
+) -> tuple[float, float, float]:
+    """Return one car's `TRAFFIC_TERMS` of its `encounters.meet` (6,); see `traffic_terms`."""
+    own_lane = encounter[NEXT_SEEN] > 0 and next_side * lane > 0
+    return (
+        1.0 if encounter[DISTANCE] > CLEAR else 0.0, 1.0 if encounter[HAZARDS] > 0 else 0.0,
+        1.0 if own_lane else 0.0,
+    )  # fmt: skip
+
+
+@kernel
+def _traffic_rows(
+    encounters: np.ndarray, next_sides: np.ndarray, lane: np.ndarray, terms: np.ndarray
+) -> None:
+    for k in range(len(lane)):
+        terms[0, k], terms[1, k], terms[2, k] = traffic_terms_one(
+            encounters[k], next_sides[k], lane[k]
+        )
 
 
 def traffic_terms(encounters: Floats, next_sides: Floats, lane: Floats) -> dict[str, Floats]:
@@ -151,9 +171,6 @@ def traffic_terms(encounters: Floats, next_sides: Floats, lane: Floats) -> dict[
         next_sides: the side of each car's next object, (N,).
         lane: the term of that name, (N,).
     """
-    own_lane = (encounters[:, NEXT_SEEN] > 0) & (next_sides * lane > 0)
-    return {
-        "clear": (encounters[:, DISTANCE] > CLEAR).astype(np.float64),
-        "hazard": (encounters[:, HAZARDS] > 0).astype(np.float64),
-        "camlane": own_lane.astype(np.float64),
-    }
+    terms = np.empty((len(TRAFFIC_TERMS), len(lane)))
+    _traffic_rows(encounters, next_sides, lane, terms)
+    return dict(zip(TRAFFIC_TERMS, terms, strict=True))

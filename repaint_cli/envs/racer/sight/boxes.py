@@ -5,6 +5,8 @@ All are boxes on flat ground, of one size for all objects of a car.
 Rays are followed in the box's own frame, where it is three pairs of planes.
 """
 
+import math
+
 import numpy as np
 
 from repaint_cli.kernels import kernel
@@ -25,6 +27,11 @@ FIRST_BEAM, BEAM_SPAN = -2.61799, 5.23598
 """Angles from straight back to the first beam, and from it to the last, to the left, rad."""
 RANGE = 1.0
 """Of a beam; the reading of one that meets nothing, m."""
+COS, SIN, EYE_X, EYE_Y, TOP, BOTTOM, FIRST, LAST = range(8)
+"""Columns of a box as an eye has it in view: its turn from the car's heading, where the eye is in
+the box's frame (m), and the rows and columns of the pixels that may show it."""
+VIEW = 8
+"""How many columns these are."""
 
 
 @kernel
@@ -56,6 +63,26 @@ def beam(x: float, y: float, angle: float, box: np.ndarray, body: np.ndarray) ->
 
 
 @kernel
+def lidar_at(state: np.ndarray) -> tuple[float, float]:
+    """Return where a car's lidar is, x and y, m."""
+    return state[0] + BEAM_X * np.cos(state[2]), state[1] + BEAM_X * np.sin(state[2])
+
+
+@kernel
+def scan_beam(
+    x: float, y: float, yaw: float, k: int, beams: int, poses: np.ndarray, body: np.ndarray
+) -> float:  # fmt: skip
+    """Measure the range of beam k of a lidar at (x, y), heading `yaw`, m; see `scan_rows`."""
+    angle = yaw + np.pi + FIRST_BEAM + BEAM_SPAN * k / (beams - 1)
+    reach, near = RANGE + body[LENGTH], RANGE
+    for b in range(poses.shape[0]):
+        box = poses[b]
+        if (box[0] - x) ** 2 + (box[1] - y) ** 2 <= reach * reach:
+            near = min(near, beam(x, y, angle, box, body))
+    return near
+
+
+@kernel
 def scan_rows(
     rows: np.ndarray, states: np.ndarray, poses: np.ndarray, body: np.ndarray, ranges: np.ndarray
 ) -> None:
@@ -69,19 +96,11 @@ def scan_rows(
         ranges: filled, (N, beams), m; `RANGE` where nothing is nearer.
     """
     beams = ranges.shape[1]
-    reach = RANGE + body[LENGTH]
     for row in rows:
         yaw = states[row, 2]
-        x = states[row, 0] + BEAM_X * np.cos(yaw)
-        y = states[row, 1] + BEAM_X * np.sin(yaw)
-        ranges[row] = RANGE
-        for b in range(poses.shape[1]):
-            box = poses[row, b]
-            if (box[0] - x) ** 2 + (box[1] - y) ** 2 > reach * reach:
-                continue
-            for k in range(beams):
-                angle = yaw + np.pi + FIRST_BEAM + BEAM_SPAN * k / (beams - 1)
-                ranges[row, k] = min(ranges[row, k], beam(x, y, angle, box, body))
+        x, y = lidar_at(states[row])
+        for k in range(beams):
+            ranges[row, k] = scan_beam(x, y, yaw, k, beams, poses[row], body)
 
 
 @kernel
@@ -106,17 +125,17 @@ def _bounds(
         top, bottom = min(top, down), max(bottom, down)
         first, last = min(first, right), max(last, right)
     return (
-        int(min(max(np.floor(top), 0), rows)), int(min(max(np.ceil(bottom), 0), rows)),
-        int(min(max(np.floor(first), 0), columns)), int(min(max(np.ceil(last), 0), columns)),
+        math.floor(min(max(top, 0.0), rows)), math.ceil(min(max(bottom, 0.0), rows)),
+        math.floor(min(max(first, 0.0), columns)), math.ceil(min(max(last, 0.0), columns)),
     )  # fmt: skip
 
 
 @kernel
-def draw_box(
+def view_box(
     state: np.ndarray, eye_offset: float, box: np.ndarray, body: np.ndarray, lens: np.ndarray,
-    image: np.ndarray,
+    size: tuple[int, int], view: np.ndarray,
 ) -> None:  # fmt: skip
-    """Draw one box over the camera image of a car.
+    """Find out how the camera of a car has a box in view.
 
     Args:
         state: the car's x, y (m) and heading (rad) first.
@@ -124,35 +143,73 @@ def draw_box(
         box: x, y (m) and heading (rad) first.
         body: its size and grey levels, (5,).
         lens: `camera.lens()`, (6,).
-        image: changed, (120, 160) uint8.
+        size: rows and columns of the image.
+        view: filled, (8,); without rows where the box is behind the camera.
     """
-    rows, columns = image.shape
-    forward, height, pitch, focal = lens[0], lens[1], lens[2], lens[5]
     yaw = state[2]
     dx, dy = box[0] - state[0], box[1] - state[1]
-    ahead = dx * np.cos(yaw) + dy * np.sin(yaw) - forward
+    ahead = dx * np.cos(yaw) + dy * np.sin(yaw) - lens[0]
     left = dy * np.cos(yaw) - dx * np.sin(yaw) - eye_offset
     cos, sin = np.cos(box[2] - yaw), np.sin(box[2] - yaw)
+    view[TOP], view[BOTTOM] = 0, 0
     if ahead < -body[LENGTH]:
         return
-    top, bottom, first, last = _bounds(ahead, left, cos, sin, body, lens, (rows, columns))
-    ox, oy = -(ahead * cos + left * sin), -(left * cos - ahead * sin)  # the eye, in the box's frame
+    view[COS], view[SIN] = cos, sin
+    view[EYE_X], view[EYE_Y] = -(ahead * cos + left * sin), -(left * cos - ahead * sin)
+    view[TOP], view[BOTTOM], view[FIRST], view[LAST] = _bounds(
+        ahead, left, cos, sin, body, lens, size
+    )  # fmt: skip
+
+
+@kernel
+def draw_box_row(
+    r: int, view: np.ndarray, body: np.ndarray, lens: np.ndarray, size: tuple[int, int],
+    lane: int, stride: int, line: np.ndarray,
+) -> None:  # fmt: skip
+    """Draw a box over those pixels of row r that are `lane` modulo `stride`.
+
+    Args:
+        r: between the box's TOP and BOTTOM.
+        view: `view_box`'s answer.
+        body: as there.
+        lens: as there.
+        size: as there.
+        lane: which pixels; 0 and 1 are all of them.
+        stride: see `lane`.
+        line: changed, (160,) uint8.
+    """
+    rows, columns = size
+    height, pitch, focal = lens[1], lens[2], lens[5]
+    cos, sin, ox, oy = view[COS], view[SIN], view[EYE_X], view[EYE_Y]
     half_length, half_width, half_height = body[0] / 2.0, body[1] / 2.0, body[2] / 2.0
     end, side = np.uint8(body[END]), np.uint8(body[SIDE])
-    oz = height - half_height
-    for r in range(top, bottom):
-        v = (r + 0.5 - rows / 2.0) / focal
-        run = np.cos(pitch) - v * np.sin(pitch)  # of the ray, ahead of the car
-        rise = -np.sin(pitch) - v * np.cos(pitch)
-        near_z, far_z = _slab(oz, rise, half_height, 0.0, np.inf)
-        if near_z > far_z:
-            continue
-        for c in range(first, last):
-            u = -(c + 0.5 - columns / 2.0) / focal  # to the left
-            near_x, far = _slab(ox, run * cos + u * sin, half_length, near_z, far_z)
-            near, far = _slab(oy, u * cos - run * sin, half_width, near_x, far)
-            if near <= far and near > 0.0:
-                image[r, c] = side if near > near_x else end
+    v = (r + 0.5 - rows / 2.0) / focal
+    run = np.cos(pitch) - v * np.sin(pitch)  # of the ray, ahead of the car
+    rise = -np.sin(pitch) - v * np.cos(pitch)
+    near_z, far_z = _slab(height - half_height, rise, half_height, 0.0, np.inf)
+    if near_z > far_z:
+        return
+    first, last = int(view[FIRST]), int(view[LAST])
+    for c in range(first + (lane - first) % stride, last, stride):
+        u = -(c + 0.5 - columns / 2.0) / focal  # to the left
+        near_x, far = _slab(ox, run * cos + u * sin, half_length, near_z, far_z)
+        near, far = _slab(oy, u * cos - run * sin, half_width, near_x, far)
+        if near <= far and near > 0.0:
+            line[c] = side if near > near_x else end
+
+
+@kernel
+def rank_of(state: np.ndarray, poses: np.ndarray, k: int) -> int:
+    """Return how many boxes (B, ≥3) are drawn before box k: those that are farther from a car.
+
+    Of equally far ones the first is drawn first.
+    """
+    far, before = math.hypot(poses[k, 0] - state[0], poses[k, 1] - state[1]), 0
+    for other in range(len(poses)):
+        away = math.hypot(poses[other, 0] - state[0], poses[other, 1] - state[1])
+        if away > far or (away == far and other < k):
+            before += 1
+    return before
 
 
 @kernel
@@ -162,25 +219,16 @@ def draw_rows(
 ) -> None:  # fmt: skip
     """Draw the objects of some cars into images (N, 120, 160, C), the farthest first.
 
-    See `draw_box` for the arguments; poses are (N, B, ≥3), rows (K,).
+    See `view_box` for the other arguments; poses are (N, B, ≥3), rows (K,).
     """
     n_boxes = poses.shape[1]
-    far, done = np.empty(n_boxes), np.empty(n_boxes, np.bool_)
+    size = images.shape[1], images.shape[2]
+    order, view = np.empty(n_boxes, np.int64), np.empty(VIEW)
     for row in rows:
+        image = images[row, :, :, channel]
         for b in range(n_boxes):
-            far[b] = np.hypot(poses[row, b, 0] - states[row, 0], poses[row, b, 1] - states[row, 1])
-            done[b] = False
-        for _ in range(n_boxes):
-            next_box = -1
-            for b in range(n_boxes):
-                if not done[b] and (next_box < 0 or far[b] > far[next_box]):
-                    next_box = b
-            done[next_box] = True
-            draw_box(
-                states[row],
-                eye_offset,
-                poses[row, next_box],
-                body,
-                lens,
-                images[row, :, :, channel],
-            )
+            order[rank_of(states[row], poses[row], b)] = b
+        for b in order:
+            view_box(states[row], eye_offset, poses[row, b], body, lens, size, view)
+            for r in range(int(view[TOP]), int(view[BOTTOM])):
+                draw_box_row(r, view, body, lens, size, 0, 1, image[r])

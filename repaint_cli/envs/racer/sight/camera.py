@@ -6,6 +6,7 @@ above the horizon do the same with the plane at the height of the walls' tops: w
 inside the field is sky.
 """
 
+import math
 from typing import Any
 
 import numpy as np
@@ -74,9 +75,8 @@ def _inside_span(start: float, step: float, low: float, high: float) -> tuple[in
     if step == 0.0:
         return (0, WIDTH) if low < start < high else (0, 0)
     a, b = (low - start) / step, (high - start) / step
-    first = np.floor(min(a, b)) + 1.0
-    end = np.ceil(max(a, b))
-    return int(min(max(first, 0.0), WIDTH)), int(min(max(end, 0.0), WIDTH))
+    first, end = min(max(min(a, b), -1.0), WIDTH), min(max(max(a, b), 0.0), WIDTH)
+    return min(math.floor(first) + 1, WIDTH), math.ceil(end)
 
 
 @kernel
@@ -93,13 +93,14 @@ def _wall_luma(
 
 @kernel
 def _ground_span(
-    line: np.ndarray, first: int, end: int, u: float, v: float, du: float, dv: float, level: Any
-) -> None:
+    line: np.ndarray, first: int, end: int, stride: int, u: float, v: float, du: float, dv: float,
+    level: Any,
+) -> None:  # fmt: skip
     """Fill pixels first..end of a line by bilinear look-ups at texel (u + k·du, v + k·dv)."""
     # unsigned: numba need not look for negative indices
     one, half = np.uint32(1), np.float32(0.5)
     u0, v0, du0, dv0 = np.float32(u), np.float32(v), np.float32(du), np.float32(dv)
-    for k in range(first, end):
+    for k in range(first, end, stride):
         uk, vk = u0 + np.float32(k) * du0, v0 + np.float32(k) * dv0
         c, r = (
             np.uint32(np.int32(uk)),
@@ -110,6 +111,66 @@ def _ground_span(
         low = a + fu * (b - a)
         a, b = np.float32(level[r + one, c]), np.float32(level[r + one, c + one])
         line[k] = np.uint8(np.int32(low + fv * (a + fu * (b - a) - low) + half))
+
+
+@kernel
+def own_from(first: int, lane: int, stride: int) -> int:
+    """Return the first pixel from `first` on that is `lane` modulo `stride`."""
+    return first + (lane - first) % stride
+
+
+@kernel
+def eye_at(state: np.ndarray, eye_offset: float) -> tuple[float, float, float, float]:
+    """Return cosine and sine of a car's heading, and where a camera of it is, x and y, m."""
+    cos, sin = np.cos(state[2]), np.sin(state[2])
+    x = state[0] + CAMERA_X * cos - eye_offset * sin
+    return cos, sin, x, state[1] + CAMERA_X * sin + eye_offset * cos
+
+
+@kernel
+def render_row(
+    state: np.ndarray, eye_offset: float, eye: tuple[float, float, float, float],
+    look: np.ndarray, levels: tuple[np.ndarray, ...], origin: np.ndarray, field: np.ndarray,
+    walls: np.ndarray, lane: int, stride: int, line: np.ndarray,
+) -> None:  # fmt: skip
+    """Draw the pixels of one row that are `lane` modulo `stride`.
+
+    Args:
+        state: as in `render`, like the others.
+        eye_offset: to the left.
+        eye: `eye_at`'s answer.
+        look: the row's line of the table, (5,).
+        levels: of the ground.
+        origin: of the ground.
+        field: of the ground.
+        walls: grey levels.
+        lane: which pixels, from 0 to `stride` − 1; 0 and 1 are all of them.
+        stride: see `lane`.
+        line: filled, (160,) uint8.
+    """
+    cos, sin, eye_x, eye_y = eye
+    ahead, side = look[AHEAD], look[SIDE]
+    left = (WIDTH / 2 - 0.5) * side + eye_offset
+    x, y = state[0] + ahead * cos - left * sin, state[1] + ahead * sin + left * cos
+    dx, dy = side * sin, -side * cos
+    first_x, end_x = _inside_span(x, dx, field[0], field[2])
+    first_y, end_y = _inside_span(y, dy, field[1], field[3])
+    first = max(first_x, first_y)
+    end = max(min(end_x, end_y), first)
+    for k in range(lane, first, stride):
+        line[k] = _wall_luma(eye_x, eye_y, x + k * dx - eye_x, y + k * dy - eye_y, field, walls)
+    for k in range(own_from(end, lane, stride), WIDTH, stride):
+        line[k] = _wall_luma(eye_x, eye_y, x + k * dx - eye_x, y + k * dy - eye_y, field, walls)
+    begin = own_from(first, lane, stride)
+    if look[SKYWARD] > 0.0:
+        for k in range(begin, end, stride):
+            line[k] = SKY
+        return
+    size = look[SIZE]
+    u, v = (x - origin[0]) / size - 0.5, (y - origin[1]) / size - 0.5
+    _ground_span(
+        line, begin, end, stride, u, v, dx / size, dy / size, levels[int(look[LEVEL])]
+    )  # fmt: skip
 
 
 @kernel
@@ -129,29 +190,11 @@ def render(
         walls: `WALLS`, (4,).
         image: filled, (120, 160) uint8.
     """
-    cos, sin = np.cos(state[2]), np.sin(state[2])
-    eye_x = state[0] + CAMERA_X * cos - eye_offset * sin
-    eye_y = state[1] + CAMERA_X * sin + eye_offset * cos
+    eye = eye_at(state, eye_offset)
     for row in range(HEIGHT):
-        ahead, side = table[row, AHEAD], table[row, SIDE]
-        left = (WIDTH / 2 - 0.5) * side + eye_offset
-        x, y = state[0] + ahead * cos - left * sin, state[1] + ahead * sin + left * cos
-        dx, dy = side * sin, -side * cos
-        first_x, end_x = _inside_span(x, dx, field[0], field[2])
-        first_y, end_y = _inside_span(y, dy, field[1], field[3])
-        first = max(first_x, first_y)
-        end = max(min(end_x, end_y), first)
-        line = image[row]
-        for k in range(first):
-            line[k] = _wall_luma(eye_x, eye_y, x + k * dx - eye_x, y + k * dy - eye_y, field, walls)
-        for k in range(end, WIDTH):
-            line[k] = _wall_luma(eye_x, eye_y, x + k * dx - eye_x, y + k * dy - eye_y, field, walls)
-        if table[row, SKYWARD] > 0.0:
-            line[first:end] = SKY
-            continue
-        size = table[row, SIZE]
-        u, v = (x - origin[0]) / size - 0.5, (y - origin[1]) / size - 0.5
-        _ground_span(line, first, end, u, v, dx / size, dy / size, levels[int(table[row, LEVEL])])
+        render_row(
+            state, eye_offset, eye, table[row], levels, origin, field, walls, 0, 1, image[row]
+        )  # fmt: skip
 
 
 @kernel

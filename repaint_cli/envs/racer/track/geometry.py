@@ -3,6 +3,8 @@
 A line is (M, 2); a ring is a line whose last row repeats its first.
 """
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -125,16 +127,31 @@ def locate(
     ix, iy, _ = line_project(inner, cx, cy)
     ox, oy, _ = line_project(outer, cx, cy)
     out[NDIST] = along / distances[-1]
-    out[CENTRE_GAP] = np.sqrt((cx - x) ** 2 + (cy - y) ** 2)
-    out[INNER_GAP] = np.sqrt((ix - x) ** 2 + (iy - y) ** 2)
-    out[OUTER_GAP] = np.sqrt((ox - x) ** 2 + (oy - y) ** 2)
-    out[ROAD_WIDTH] = np.sqrt((ox - ix) ** 2 + (oy - iy) ** 2)
+    out[CENTRE_GAP] = math.sqrt((cx - x) ** 2 + (cy - y) ** 2)
+    out[INNER_GAP] = math.sqrt((ix - x) ** 2 + (iy - y) ** 2)
+    out[OUTER_GAP] = math.sqrt((ox - x) ** 2 + (oy - y) ** 2)
+    out[ROAD_WIDTH] = math.sqrt((ox - ix) ** 2 + (oy - iy) ** 2)
     on = 0
     for k in range(len(wheels)):
         wx, wy = wheels[k, 0], wheels[k, 1]
         if ring_holds(edge, wx, wy) and not ring_holds(hole, wx, wy):
             on += 1
     out[WHEELS_ON] = on
+
+
+@kernel
+def measure_one(
+    state: np.ndarray, car_points: np.ndarray, centre: np.ndarray, distances: np.ndarray,
+    inner: np.ndarray, outer: np.ndarray, edge: np.ndarray, hole: np.ndarray, room: np.ndarray,
+    front: np.ndarray, out: np.ndarray,
+) -> None:  # fmt: skip
+    """Measure where one car stands; `room` (5, 2) is to work in, the rest is as in `measure`."""
+    cos, sin = np.cos(state[2]), np.sin(state[2])
+    for k in range(len(car_points)):
+        room[k, 0] = state[0] + car_points[k, 0] * cos - car_points[k, 1] * sin
+        room[k, 1] = state[1] + car_points[k, 0] * sin + car_points[k, 1] * cos
+    front[0], front[1] = room[0, 0], room[0, 1]
+    locate(centre, distances, inner, outer, edge, hole, room[0], room[1:], out)
 
 
 @kernel
@@ -166,11 +183,9 @@ def measure(
         fronts: filled with the front points, (N, 2), m.
         measures: filled with the outputs of `locate`, (N, 6).
     """
-    points = np.empty(car_points.shape)
+    room = np.empty(car_points.shape)
     for row in rows:
-        cos, sin = np.cos(states[row, 2]), np.sin(states[row, 2])
-        for k in range(len(car_points)):
-            points[k, 0] = states[row, 0] + car_points[k, 0] * cos - car_points[k, 1] * sin
-            points[k, 1] = states[row, 1] + car_points[k, 0] * sin + car_points[k, 1] * cos
-        fronts[row] = points[0]
-        locate(centre, distances, inner, outer, edge, hole, points[0], points[1:], measures[row])
+        measure_one(
+            states[row], car_points, centre, distances, inner, outer, edge, hole, room,
+            fronts[row], measures[row],
+        )  # fmt: skip
