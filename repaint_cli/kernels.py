@@ -50,6 +50,16 @@ def fastmath_kernel(function: _Function) -> _Function:
     return _compiled(function, error_model="numpy", fastmath=flags)
 
 
+def device_kernel(function: _Function) -> Any:
+    """Compile for a GPU, at the first launch; what it calls may be a `kernel`.
+
+    Such a module is imported only where a GPU is asked for: numba-cuda is an extra.
+    """
+    from numba import cuda
+
+    return cuda.jit(function)
+
+
 def _compiled(function: _Function, **options: Any) -> _Function:
     """Compile for other threads to run beside, and keep the code in our folder."""
     config = vars(numba.config)

@@ -101,7 +101,7 @@ def test_bots_keep_their_lane_and_speed_if_told_so():
     assert_array_equal(bots.poses[0, :, 3], [1, -1])
     changing = RacerVectorEnv(env.tracks[0], 1, objects=replace(objects, lane_changes=True))
     changing.reset(seed=0, options={"lap_fraction": [0.5]})
-    waits = changing._fleet.objects._waits
+    waits = changing._fleet.objects.waits
     assert 3 <= waits.min() < waits.max() <= 5
 
 

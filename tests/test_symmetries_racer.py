@@ -41,7 +41,7 @@ def show_in_mirror(env, track):
     levels = tuple(np.ascontiguousarray(level[::-1]) for level in ground.levels)
     top = ground.origin[1] + len(ground.levels[0]) * TEXEL
     x0, y0, x1, y1 = ground.field
-    env._sensors._grounds = [(
+    env._sensors.grounds = [(
         row_table(), levels, np.array([ground.origin[0], -top]), np.array([x0, -y1, x1, -y0]),
         np.ascontiguousarray(WALLS[[0, 1, 3, 2]]),
     )]  # fmt: skip

@@ -10,6 +10,11 @@ from numpy.typing import NDArray
 from repaint_cli.envs.racer.track.geometry import Floats
 from repaint_cli.envs.racer.track.track import Track
 
+CRASHES = ("at-fault", "any")
+"""Which crashes end an episode."""
+DEVICES = ("cpu", "cuda")
+"""Where cars drive."""
+
 
 def check_positive(**numbers: int) -> None:
     """Check that settings are at least 1.

@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 
 from repaint_cli.envs.racer.actions import Actions, checked
 from repaint_cli.envs.racer.arguments import (
+    CRASHES,
+    DEVICES,
     check_autoreset,
     check_closed,
     check_names,
@@ -24,6 +26,7 @@ from repaint_cli.envs.racer.arguments import (
     tracks_of,
 )
 from repaint_cli.envs.racer.deepracer.params import params_in
+from repaint_cli.envs.racer.device.card import cars_on_gpu
 from repaint_cli.envs.racer.dynamics.car import ACTIONS, CAR_PROFILES, STEP_SECONDS
 from repaint_cli.envs.racer.dynamics.commands import commands_for
 from repaint_cli.envs.racer.dynamics.directions import Rows, TrackSchedule, several
@@ -31,18 +34,13 @@ from repaint_cli.envs.racer.dynamics.fleet import NOTHING, Fleet
 from repaint_cli.envs.racer.dynamics.objects import ObjectSettings
 from repaint_cli.envs.racer.dynamics.race import Race, RaceRules
 from repaint_cli.envs.racer.dynamics.rules import IN_PROGRESS, TIME_UP
+from repaint_cli.envs.racer.dynamics.starts import drawn_fractions
 from repaint_cli.envs.racer.sight.appearance import RandomAppearance
 from repaint_cli.envs.racer.sight.noise import Noise, disturb_command
 from repaint_cli.envs.racer.sight.sensors import SENSORS, Readings, Sensors
 from repaint_cli.envs.racer.track.geometry import Floats
 from repaint_cli.envs.racer.track.track import Track
 from repaint_cli.envs.seeds import seeds_of
-
-START_PLACES = 20
-"""Evenly spaced places on the lap, of which each episode draws its start."""
-
-CRASHES = ("at-fault", "any")
-"""Which crashes end an episode."""
 
 Flags = NDArray[np.bool_]
 Infos = dict[str, Any]
@@ -91,6 +89,7 @@ class RacerVectorEnv(VectorEnv[Any, NDArray[Any], Any]):
         max_steps: int = 1500, noise: Noise | None = None,
         appearance: RandomAppearance | None = None, race: RaceRules | None = None,
         autoreset_mode: AutoresetMode = AutoresetMode.NEXT_STEP, threads: int = 1,
+        device: str = "cpu",
     ) -> None:  # fmt: skip
         """Build N cars; `reset` puts them on the road.
 
@@ -110,20 +109,28 @@ class RacerVectorEnv(VectorEnv[Any, NDArray[Any], Any]):
             race: rules under which an episode is a race of several laps, or None: it is a lap.
             autoreset_mode: NEXT_STEP or DISABLED.
             threads: that draw images.
+            device: one of `DEVICES`. On "cuda" everything is done on one NVIDIA GPU: steps take and
+                return arrays there, see `device.racer.DeviceRacer`, which is `on_device`.
 
         Raises:
             ValueError: an argument is out of range.
+            CardError: a GPU cannot do what is asked for.
+            DeviceError: no GPU works, or it is too small.
         """
         self._commands = commands_for(checked(actions))
         check_positive(num_envs=num_envs, max_steps=max_steps, threads=threads)
-        check_names(car=(car, CAR_PROFILES), sensors=(sensors, SENSORS), crash=(crash, CRASHES))
+        check_names(car=(car, CAR_PROFILES), sensors=(sensors, SENSORS))
+        check_names(crash=(crash, CRASHES), device=(device, DEVICES))
         check_autoreset(autoreset_mode)
         self.num_envs, self.tracks = num_envs, several(track)
         check_closed("races", self.tracks if race else ())
         self.metadata = {"autoreset_mode": autoreset_mode, "render_fps": round(1 / STEP_SECONDS)}
         self._parks = autoreset_mode is AutoresetMode.DISABLED
         self._sensors = Sensors(track, sensors, range_min, noise, threads, appearance)
-        self._set_spaces()
+        self.single_observation_space = self._sensors.space()
+        self.single_action_space = self._commands.space
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.action_space = batch_space(self.single_action_space, num_envs)
         self._fleet = Fleet(track, num_envs, car, max_steps, objects, crash)
         self._race = Race(num_envs, race) if race else None
         self._chosen = np.zeros((num_envs, 2))  # the commands of the last step
@@ -133,13 +140,12 @@ class RacerVectorEnv(VectorEnv[Any, NDArray[Any], Any]):
         self._schedule = TrackSchedule(len(self.tracks), num_envs)
         self._reverse = np.zeros(num_envs, np.bool_)
         self._parked_readings: Readings = {}  # the last ones of parked cars
-
-    def _set_spaces(self) -> None:
-        """Set the spaces of one environment and of all."""
-        self.single_observation_space = self._sensors.space()
-        self.single_action_space = self._commands.space
-        self.observation_space = batch_space(self.single_observation_space, self.num_envs)
-        self.action_space = batch_space(self.single_action_space, self.num_envs)
+        self.on_device = None
+        """The cars on a GPU, or None."""
+        if device != "cpu":
+            self.on_device = cars_on_gpu(
+                self._fleet, self._sensors, self._commands, self._parks, self._race
+            )
 
     def reset(
         self,
@@ -166,10 +172,13 @@ class RacerVectorEnv(VectorEnv[Any, NDArray[Any], Any]):
         self._given_starts = lap_fractions_of(options, self.num_envs)
         self._schedule.begin(tracks_of(options, self.num_envs, len(self.tracks)))
         self._reverse = flags_of(options, "reverse", self.num_envs)
+        parked = flags_of(options, "parked", self.num_envs)
         self._is_reset = True
+        if self.on_device is not None:
+            return self.on_device.reset(self._rngs, self._given_starts, self._reverse, parked)
         rows = np.arange(self.num_envs)
         self._start(rows)
-        self._fleet.status[flags_of(options, "parked", self.num_envs)] = TIME_UP
+        self._fleet.status[parked] = TIME_UP
         readings = self._sensors.read(rows, self._fleet, self._rngs)
         if self._parks:
             self._parked_readings = {name: part.copy() for name, part in readings.items()}
@@ -192,6 +201,8 @@ class RacerVectorEnv(VectorEnv[Any, NDArray[Any], Any]):
         """
         if not self._is_reset:
             raise ResetNeeded("expected reset() before the first step()")
+        if self.on_device is not None:
+            return self.on_device.step(actions)
         commands = self._commands.of(self._commands.checked(actions, self.num_envs))
         running = self._fleet.status == IN_PROGRESS
         moving, ended = np.flatnonzero(running), np.flatnonzero(~running)
@@ -227,9 +238,7 @@ class RacerVectorEnv(VectorEnv[Any, NDArray[Any], Any]):
         """Begin new episodes of these cars (K,)."""
         fractions = self._given_starts
         if fractions is None:
-            fractions = np.zeros(self.num_envs)
-            for row in rows:
-                fractions[row] = self._rngs[row].integers(START_PLACES) / START_PLACES
+            fractions = drawn_fractions(rows, self._rngs)
         self._chosen[rows] = 0.0
         tracks = self._schedule.take(rows, self._rngs)
         self._fleet.start(rows, fractions, self._reverse, self._rngs, tracks)

@@ -15,8 +15,8 @@ from repaint_cli.envs.racer.deepracer.params import CarState
 from repaint_cli.envs.racer.deepracer.simtrace_reader import LoggedEpisode, read_episodes
 from repaint_cli.envs.racer.deepracer.which_track import track_driven
 from repaint_cli.envs.racer.dynamics.car import CAR_POINTS, FRONT_OFFSET, STEP_SECONDS
-from repaint_cli.envs.racer.dynamics.fleet import OPEN_START
 from repaint_cli.envs.racer.dynamics.progress import progress_since
+from repaint_cli.envs.racer.dynamics.starts import OPEN_START
 from repaint_cli.envs.racer.track.geometry import NDIST, WHEELS_ON, Floats, measure
 from repaint_cli.envs.racer.track.track import Track
 from repaint_cli.errors import CardError, NotFound, some

@@ -30,14 +30,13 @@ from repaint_cli.envs.racer.dynamics.rules import (
     status_of,
     traffic_terms,
 )
+from repaint_cli.envs.racer.dynamics.starts import placed
 from repaint_cli.envs.racer.sight.camera import lens
 from repaint_cli.envs.racer.track.geometry import NDIST, WHEELS_ON, Floats, measure
 from repaint_cli.envs.racer.track.track import Track
 
 NOTHING = ObjectSettings()
 """No bots and no boxes."""
-OPEN_START = 0.2
-"""From the start of an open track to a starting car's base, so that all wheels are on it, m."""
 
 
 class Fleet:
@@ -72,8 +71,10 @@ class Fleet:
         """X, Y, YAW, SPEED, STEERING."""
         self.status = np.full(n, IN_PROGRESS)
         """Indices into `rules.STATUS`."""
-        self._car = CAR_PROFILES[car].constants()
-        self._max_steps = max_steps
+        self.car = CAR_PROFILES[car].constants()
+        """`CarProfile.constants()`, (6,)."""
+        self.max_steps = max_steps
+        """Time limit of an episode, steps."""
         self._commands = np.zeros((n, 2))  # of the last step
         self.fronts = np.zeros((n, 2))
         """Front points, m."""
@@ -86,8 +87,9 @@ class Fleet:
         """Steps and troubles of their episodes."""
         self.encounters = np.zeros((n, 6))
         """`encounters.meet`'s answers."""
+        self.any_crash = objects.boxes or crash == "any"
+        """Whether every crash ends an episode."""
         self._lens = lens()
-        self._any_crash = objects.boxes or crash == "any"
 
     def start(
         self,
@@ -97,10 +99,7 @@ class Fleet:
         rngs: Sequence[np.random.Generator],
         tracks: Rows | None = None,
     ) -> None:
-        """Start episodes: cars at rest on the centre line and along it, their objects on the road.
-
-        Where an object is within a metre, the car starts in the lane that it is not in. An open
-        track is always driven from its beginning.
+        """Start episodes: cars at rest and along the road, their objects on it; see `placed`.
 
         Args:
             rows: which cars, (K,).
@@ -114,14 +113,9 @@ class Fleet:
         self.directions.reverse[rows] = reverse[rows]
         self.states[rows] = 0.0
         for road, own in self.directions.by_road(rows):
-            start = np.full(len(own), OPEN_START / road.length)
-            places = lap_fractions[own] if road.closed else start
-            self._starts[own] = lap_fractions[own] if road.closed else 0.0
-            points, self.states[own, YAW] = road.pose_at(places)
-            if self.objects:
-                self.objects.start(road, own, [rngs[row] for row in own])
-                points = self.objects.free_points(road, own, places * road.length)
-            self.states[own, :2] = points
+            self._starts[own], self.states[own, :3] = placed(
+                road, own, lap_fractions, self.objects, rngs
+            )
         self._commands[rows] = 0.0
         self.counters.clear(rows)
         self.status[rows] = IN_PROGRESS
@@ -139,7 +133,7 @@ class Fleet:
             the progress gained, (N,), percent; 0 for other cars.
         """
         places, before = self.states[rows, :2], self.progress[rows]
-        drive_rows(rows, self.states, self._commands, commands, self._car, STEP_SECONDS)
+        drive_rows(rows, self.states, self._commands, commands, self.car, STEP_SECONDS)
         self._commands[rows] = commands[rows]
         self._measure(rows, before)
         gained = np.zeros(len(self.states))
@@ -150,7 +144,7 @@ class Fleet:
             for road, own in self.directions.by_road(rows):
                 self.objects.drive(road, own, STEP_SECONDS)
         crashed = self._meet(rows)
-        status = status_of(self.measures, self.progress, self.counters, self._max_steps, crashed)
+        status = status_of(self.measures, self.progress, self.counters, self.max_steps, crashed)
         self.status[rows] = status[rows]
         return gained
 
@@ -226,7 +220,7 @@ class Fleet:
                 self.objects.along, CAR_BODY, self.objects.body, self._lens, self.encounters,
             )  # fmt: skip
         hit = self.encounters[:, HIT] > 0
-        crashed = hit & (self._any_crash | (self.encounters[:, AT_FAULT] > 0))
+        crashed = hit & (self.any_crash | (self.encounters[:, AT_FAULT] > 0))
         self.objects.pause(rows[(hit & ~crashed)[rows]])
         return crashed
 

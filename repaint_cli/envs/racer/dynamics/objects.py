@@ -22,7 +22,8 @@ PAUSE = 2.0
 """All bots of a car stand still this long after one was hit through no fault of the car, s."""
 BUFFER = 0.1
 """A box is so much longer and wider for crashes than it is to see, as DeepRacer's, m."""
-_WAITS = 16  # drawn at the start of an episode, then used again from the first
+WAITS = 16
+"""Times between lane changes that are drawn for an episode, then used again from the first."""
 
 
 @dataclass(frozen=True)
@@ -73,9 +74,11 @@ class Objects:
         """X, Y, YAW, SIDE."""
         self.along = np.zeros((n, n_objects))
         """Arclength from the start line along the centre line, m."""
-        self._goal_sides = np.ones((n, n_objects))
+        self.goal_sides = np.ones((n, n_objects))
+        """The side that each has or goes to."""
         self._changed = np.ones((n, n_objects))
-        self._waits = np.full((n, n_objects, _WAITS), np.inf)
+        self.waits = np.full((n, n_objects, WAITS), np.inf)
+        """Times between its lane changes, s."""
         self._waiting = np.zeros((n, n_objects))
         self._n_changes = np.zeros((n, n_objects), np.int64)
         self._paused = np.zeros(n)
@@ -86,10 +89,10 @@ class Objects:
         """Place the objects of these cars (K,), drawn by each car's own generator where random."""
         settings = self.settings
         for row, rng in zip(rows, rngs, strict=True):
-            self.along[row], self._goal_sides[row] = places(settings, road.length, rng)
+            self.along[row], self.goal_sides[row] = places(settings, road.length, rng)
             if self.speed and settings.lane_changes:
-                self._waits[row] = rng.uniform(*settings.waits, (settings.n, _WAITS))
-        self._waiting[rows] = self._waits[rows, :, 0]
+                self.waits[row] = rng.uniform(*settings.waits, (settings.n, WAITS))
+        self._waiting[rows] = self.waits[rows, :, 0]
         self._changed[rows] = 1.0 + HALF_BASE / settings.change_length
         self._n_changes[rows] = 0
         self._paused[rows] = 0.0
@@ -103,7 +106,7 @@ class Objects:
     def _move(self, road: Track, rows: NDArray[np.int64], seconds: float) -> None:
         drive_bots(
             rows, seconds, self.speed, self.settings.change_length, *road.lines, self.along,
-            self._goal_sides, self._changed, self._waits, self._waiting, self._n_changes,
+            self.goal_sides, self._changed, self.waits, self._waiting, self._n_changes,
             self._paused, self.poses,
         )  # fmt: skip
 
@@ -118,7 +121,7 @@ class Objects:
             apart = np.abs(self.along[row] - along[k])
             apart = np.minimum(apart, road.length - apart)
             nearest = apart.argmin()
-            side = -self._goal_sides[row, nearest] if apart[nearest] < START_ROOM else 0.0
+            side = -self.goal_sides[row, nearest] if apart[nearest] < START_ROOM else 0.0
             points[k] = lane_point(*road.lines, along[k], side)
         return points
 

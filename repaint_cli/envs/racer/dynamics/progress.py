@@ -54,9 +54,11 @@ def progress_since(ndist: Floats, start_ndist: Floats, previous: Floats) -> Floa
 
 
 @kernel
-def in_a_row(count: int, goes_on: bool) -> int:
-    """Return how often something happened in a row, if it now happened again or not."""
-    return count + 1 if goes_on else 0
+def count_one(
+    moved: float, gained: float, steps: int, still: int, backwards: int
+) -> tuple[int, int, int]:
+    """Return one car's counters after a step that moved it (m) and gained progress (percent)."""
+    return steps + 1, still + 1 if moved <= STILL else 0, backwards + 1 if gained < 0 else 0
 
 
 @kernel
@@ -65,9 +67,9 @@ def _count_rows(
     still: np.ndarray, backwards: np.ndarray,
 ) -> None:  # fmt: skip
     for k, row in enumerate(rows):
-        steps[row] += 1
-        still[row] = in_a_row(still[row], moved[k] <= STILL)
-        backwards[row] = in_a_row(backwards[row], gained[k] < 0)
+        steps[row], still[row], backwards[row] = count_one(
+            moved[k], gained[k], steps[row], still[row], backwards[row]
+        )
 
 
 @dataclass

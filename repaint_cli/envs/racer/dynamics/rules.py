@@ -132,8 +132,10 @@ def reward_terms(measures: Floats, gained: Floats, status: NDArray[np.int64]) ->
         status: `status_of` after this step, (N,).
     """
     terms = np.empty((len(TERMS), len(status)))
-    columns = (measures[:, c] for c in (WHEELS_ON, CENTRE_GAP, INNER_GAP, OUTER_GAP, ROAD_WIDTH))
-    _terms_rows(*columns, gained, status, terms)
+    _terms_rows(
+        measures[:, WHEELS_ON], measures[:, CENTRE_GAP], measures[:, INNER_GAP],
+        measures[:, OUTER_GAP], measures[:, ROAD_WIDTH], gained, status, terms,
+    )  # fmt: skip
     return dict(zip(TERMS, terms, strict=True))
 
 

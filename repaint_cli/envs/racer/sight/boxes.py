@@ -226,8 +226,8 @@ def draw_rows(
     order, view = np.empty(n_boxes, np.int64), np.empty(VIEW)
     for row in rows:
         image = images[row, :, :, channel]
-        for b in range(n_boxes):
-            order[rank_of(states[row], poses[row], b)] = b
+        for k in range(n_boxes):
+            order[rank_of(states[row], poses[row], k)] = k
         for b in order:
             view_box(states[row], eye_offset, poses[row, b], body, lens, size, view)
             for r in range(int(view[TOP]), int(view[BOTTOM])):

@@ -60,47 +60,53 @@ class Sensors:
             threads: that share the cars.
             appearance: what is drawn for each episode, or None.
         """
-        self._eye_offsets = EYE_OFFSETS if kind.startswith("camera") else STEREO_EYE_OFFSETS
-        self._has_lidar = kind.endswith("lidar")
-        self._range_min = range_min
+        self.eye_offsets = EYE_OFFSETS if kind.startswith("camera") else STEREO_EYE_OFFSETS
+        """From the car's middle to the left, of each camera, m."""
+        self.has_lidar = kind.endswith("lidar")
+        """Whether there is one."""
+        self.range_min = range_min
+        """What the lidar reads of anything nearer, m."""
         grounds = [ground_of(road) for road in several(track)]
-        self._grounds = [(row_table(), g.levels, g.origin, g.field, WALLS) for g in grounds]
+        self.grounds = [(row_table(), g.levels, g.origin, g.field, WALLS) for g in grounds]
+        """What `camera.render` reads of each track."""
         self._lens = lens()
-        self._noise = noise
-        self._appearance = appearance
+        self.noise = noise
+        """Disturbances of the images, or None."""
+        self.appearance = appearance
+        """What is drawn for each episode, or None."""
         self._tables = dict[int, NDArray[np.uint8]]()  # what grey levels become, by car
         self._threads = threads
         self._pool = ThreadPoolExecutor(threads) if threads > 1 else None
 
     def space(self) -> spaces.Box | spaces.Dict:
         """Return the space of one car's observations: an image, or with a lidar both by name."""
-        camera = spaces.Box(0, 255, (HEIGHT, WIDTH, len(self._eye_offsets)), np.uint8)
-        if not self._has_lidar:
+        camera = spaces.Box(0, 255, (HEIGHT, WIDTH, len(self.eye_offsets)), np.uint8)
+        if not self.has_lidar:
             return camera
-        lidar = spaces.Box(self._range_min, boxes.RANGE, (BEAMS,), np.float32)
+        lidar = spaces.Box(self.range_min, boxes.RANGE, (BEAMS,), np.float32)
         return spaces.Dict({"camera": camera, "lidar": lidar})
 
     def start(self, rows: Rows, rngs: Sequence[np.random.Generator]) -> None:
         """Draw how the track looks in new episodes of these cars (K,), if that is random."""
-        if self._appearance is not None:
-            self._tables |= {row: self._appearance.table(rngs[row]) for row in rows.tolist()}
+        if self.appearance is not None:
+            self._tables |= {row: self.appearance.table(rngs[row]) for row in rows.tolist()}
 
     def read(self, rows: Rows, fleet: Fleet, rngs: Sequence[np.random.Generator]) -> Readings:
         """Return the readings of these cars (K,) in new arrays (N, …), not filled for others."""
         n = len(fleet.states)
-        images = np.empty((n, HEIGHT, WIDTH, len(self._eye_offsets)), np.uint8)
+        images = np.empty((n, HEIGHT, WIDTH, len(self.eye_offsets)), np.uint8)
         ranges = np.empty((n, BEAMS), np.float32)
 
         def read_part(part: Rows) -> None:
             self._draw(part, fleet, rngs, images)
-            if self._has_lidar:
+            if self.has_lidar:
                 self._scan(part, fleet, rngs, ranges)
 
         if self._pool is None:
             read_part(rows)
         else:
             list(self._pool.map(read_part, np.array_split(rows, self._threads)))
-        return {"camera": images, "lidar": ranges} if self._has_lidar else {"camera": images}
+        return {"camera": images, "lidar": ranges} if self.has_lidar else {"camera": images}
 
     def close(self) -> None:
         """Stop the threads."""
@@ -115,21 +121,21 @@ class Sensors:
         rngs: Sequence[np.random.Generator],
         images: NDArray[np.uint8],
     ) -> None:
-        for channel, offset in enumerate(self._eye_offsets):
+        for channel, offset in enumerate(self.eye_offsets):
             for track, own in fleet.directions.by_track(rows):
-                render_rows(own, fleet.states, offset, *self._grounds[track], images, channel)
+                render_rows(own, fleet.states, offset, *self.grounds[track], images, channel)
             if fleet.objects is not None:
                 boxes.draw_rows(
                     rows, fleet.states, fleet.objects.poses, body_of(fleet.objects.settings),
                     offset, self._lens, images, channel,
                 )  # fmt: skip
-            if self._appearance is not None:
+            if self.appearance is not None:
                 for row in rows.tolist():
                     images[row, :, :, channel] = self._tables[row][images[row, :, :, channel]]
-            if self._noise is not None:
+            if self.noise is not None:
                 for row in rows:
                     image = images[row, :, :, channel]
-                    image[:] = disturb_image(image, self._noise, rngs[row])
+                    image[:] = disturb_image(image, self.noise, rngs[row])
 
     def _scan(
         self,
@@ -145,4 +151,4 @@ class Sensors:
         for row in rows:
             noise = RANGE_NOISE * rngs[row].standard_normal(BEAMS)
             noisy = np.where(exact[row] < boxes.RANGE, exact[row] + noise, boxes.RANGE)
-            ranges[row] = np.clip(noisy, self._range_min, boxes.RANGE)
+            ranges[row] = np.clip(noisy, self.range_min, boxes.RANGE)

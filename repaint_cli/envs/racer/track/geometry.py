@@ -98,6 +98,23 @@ def crossings(line: np.ndarray, pairs: np.ndarray) -> int:
 
 
 @kernel
+def nearest_of(places: np.ndarray, along: float) -> int:
+    """Return the index of the arclength nearest to `along` (m) in places (W,), in their order.
+
+    Of two in one place it is the nearer by index, as in DeepRacer.
+    """
+    after = min(max(np.searchsorted(places, along, side="right"), 1), len(places) - 1)
+    return after - 1 if along - places[after - 1] <= places[after] - along else after
+
+
+@kernel
+def nearest_rows(places: np.ndarray, along: np.ndarray, nearest: np.ndarray) -> None:
+    """Fill the indices that are `nearest_of` of arclengths, (K,) each."""
+    for k in range(len(along)):
+        nearest[k] = nearest_of(places, along[k])
+
+
+@kernel
 def locate(
     centre: np.ndarray, distances: np.ndarray, inner: np.ndarray, outer: np.ndarray,
     edge: np.ndarray, hole: np.ndarray, front: np.ndarray, wheels: np.ndarray, out: np.ndarray,

@@ -17,7 +17,13 @@ from repaint_cli.envs.racer.track.checks import (
     checked_rows,
     lines_of,
 )
-from repaint_cli.envs.racer.track.geometry import Floats, line_project, road_ring, signed_area
+from repaint_cli.envs.racer.track.geometry import (
+    Floats,
+    line_project,
+    nearest_rows,
+    road_ring,
+    signed_area,
+)
 from repaint_cli.envs.racer.track.repair import repaired
 
 
@@ -150,14 +156,11 @@ class Track:
         return np.repeat(self.centre, self.repeats, axis=0), np.repeat(self.distances, self.repeats)
 
     def nearest_waypoint(self, along: Floats) -> NDArray[np.int64]:
-        """Return the index of the waypoint nearest to arclengths (m) from the start, any shape.
-
-        Of two in one place it is the nearer by index, as in DeepRacer.
-        """
+        """Return the index of the waypoint nearest to arclengths (m) from the start, any shape."""
         _, places = self.waypoints
-        after = np.clip(np.searchsorted(places, along, side="right"), 1, len(places) - 1)
-        here, ahead = along - places[after - 1], places[after] - along
-        return np.where(here <= ahead, after - 1, after)
+        nearest = np.empty(np.shape(along), np.int64)
+        nearest_rows(places, np.ravel(along), nearest.reshape(-1))
+        return nearest
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Track) and self._key == other._key
