@@ -109,13 +109,11 @@ class RacerVectorEnv(VectorEnv[Any, NDArray[Any], Any]):
             race: rules under which an episode is a race of several laps, or None: it is a lap.
             autoreset_mode: NEXT_STEP or DISABLED.
             threads: that draw images.
-            device: one of `DEVICES`. On "cuda" everything is done on one NVIDIA GPU: steps take and
-                return arrays there, see `device.racer.DeviceRacer`, which is `on_device`.
+            device: one of `DEVICES`; with "cuda" arrays are those on a GPU of `on_device`.
 
         Raises:
             ValueError: an argument is out of range.
-            CardError: a GPU cannot do what is asked for.
-            DeviceError: no GPU works, or it is too small.
+            CardError, DeviceError: see `cars_on_gpu`.
         """
         self._commands = commands_for(checked(actions))
         check_positive(num_envs=num_envs, max_steps=max_steps, threads=threads)
@@ -140,12 +138,9 @@ class RacerVectorEnv(VectorEnv[Any, NDArray[Any], Any]):
         self._schedule = TrackSchedule(len(self.tracks), num_envs)
         self._reverse = np.zeros(num_envs, np.bool_)
         self._parked_readings: Readings = {}  # the last ones of parked cars
-        self.on_device = None
-        """The cars on a GPU, or None."""
-        if device != "cpu":
-            self.on_device = cars_on_gpu(
-                self._fleet, self._sensors, self._commands, self._parks, self._race
-            )
+        parts = self._fleet, self._sensors, self._commands, self._parks, self._race
+        self.on_device = None if device == "cpu" else cars_on_gpu(*parts)
+        """The cars on a GPU, see `device.racer.DeviceRacer`, or None."""
 
     def reset(
         self,
@@ -192,8 +187,7 @@ class RacerVectorEnv(VectorEnv[Any, NDArray[Any], Any]):
                 parked or due for a reset.
 
         Returns:
-            observations (N, …), rewards (N,), terminations (N,), truncations (N,), infos; all of
-            them new arrays.
+            observations (N, …), rewards, terminations, truncations (N,), infos: all new arrays.
 
         Raises:
             ResetNeeded: the environment was never reset.
