@@ -38,9 +38,9 @@ class DeviceSensors:
         self.ranges = zeros((fleet.n, BEAMS), np.float32) if like.has_lidar else None
         """What the lidar reads, (N, 64), m, or None."""
 
-    def begin(self, keys: NDArray[np.uint64]) -> None:
+    def begin(self, keys: NDArray[np.uint64], stream: Any) -> None:
         """Set where the noise of each car's lidar comes from, (N,)."""
-        self._keys.copy_to_device(keys)
+        self._keys.copy_to_device(keys, stream)
 
     def read(self, fleet: DeviceFleet, stream: Any) -> None:
         """Draw the pictures and read the lidars of all cars; those of parked ones stay."""
