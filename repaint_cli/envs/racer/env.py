@@ -59,8 +59,7 @@ class RacerVectorEnv(VectorEnv[Any, NDArray[Any], Any]):
     **Reward** the progress of the step, in laps (`dprog`); tasks weigh the terms in the infos.
 
     **Start** at rest on the centre line, at one of 20 places drawn by the environment's own
-    generator, or where `reset(options={"lap_fraction": ...})` says; on an open track always at its
-    beginning.
+    generator, or where `reset(options={"lap_fraction": ...})` says; an open track has one place.
 
     **Tracks** of several, each episode drives one, drawn by the environment's own generator, or
     where `reset(options={"track": ...})` names the first, all in turn.
@@ -79,7 +78,7 @@ class RacerVectorEnv(VectorEnv[Any, NDArray[Any], Any]):
     that of the front point, so it begins a little above 0.
 
     **Autoreset** NEXT_STEP starts a new episode in the step after the last, ignoring that action.
-    DISABLED parks the car: it keeps its state and last image, earns nothing and costs nothing.
+    DISABLED parks the car: it keeps state and image, earns and costs nothing.
     """
 
     def __init__(
@@ -91,10 +90,10 @@ class RacerVectorEnv(VectorEnv[Any, NDArray[Any], Any]):
         autoreset_mode: AutoresetMode = AutoresetMode.NEXT_STEP, threads: int = 1,
         device: str = "cpu",
     ) -> None:  # fmt: skip
-        """Build N cars; `reset` puts them on the road.
+        """Build N cars on a track, or on several; `reset` puts them on the road.
 
         Args:
-            track: that they drive, or several.
+            track: see above.
             num_envs: N.
             car: a name in `CAR_PROFILES`.
             actions: what to choose from, steering (degrees, left is positive) and speed (m/s), or
@@ -112,8 +111,7 @@ class RacerVectorEnv(VectorEnv[Any, NDArray[Any], Any]):
             device: one of `DEVICES`; with "cuda" arrays are those on a GPU of `on_device`.
 
         Raises:
-            ValueError: an argument is out of range.
-            CardError, DeviceError: see `cars_on_gpu`.
+            ValueError: an argument is out of range; other errors are those of `cars_on_gpu`.
         """
         self._commands = commands_for(checked(actions))
         check_positive(num_envs=num_envs, max_steps=max_steps, threads=threads)

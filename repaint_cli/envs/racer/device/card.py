@@ -47,7 +47,7 @@ def check_card() -> None:
     """
     from numba import config
 
-    if config.ENABLE_CUDASIM:
+    if vars(config)["ENABLE_CUDASIM"]:
         return
     if find_spec("numba_cuda") is None:
         raise DeviceError(
@@ -89,7 +89,9 @@ def check_memory(needed: int, n: int) -> None:
     """
     from numba import config, cuda
 
-    free = needed if config.ENABLE_CUDASIM else cuda.current_context().get_memory_info().free
+    free = (
+        needed if vars(config)["ENABLE_CUDASIM"] else cuda.current_context().get_memory_info().free
+    )
     check_free(needed, int(free), n)
 
 
