@@ -55,6 +55,7 @@ def device_kernel(function: _Function) -> Any:
 
     Such a module is imported only where a GPU is asked for: numba-cuda is an extra.
     """
+    os.environ.setdefault("NUMBA_CUDA_LOW_OCCUPANCY_WARNINGS", "0")  # of a few cars
     from numba import cuda
 
     return cuda.jit(function)

@@ -59,8 +59,7 @@ class RacerVectorEnv(VectorEnv[Any, NDArray[Any], Any]):
     **Reward** the progress of the step, in laps (`dprog`); tasks weigh the terms in the infos.
 
     **Start** at rest on the centre line, at one of 20 places drawn by the environment's own
-    generator, or where `reset(options={"lap_fraction": ...})` says; on an open track always at its
-    beginning.
+    generator, or where `reset(options={"lap_fraction": ...})` says; an open track has one place.
 
     **Tracks** of several, each episode drives one, drawn by the environment's own generator, or
     where `reset(options={"track": ...})` names the first, all in turn.
@@ -79,7 +78,7 @@ class RacerVectorEnv(VectorEnv[Any, NDArray[Any], Any]):
     that of the front point, so it begins a little above 0.
 
     **Autoreset** NEXT_STEP starts a new episode in the step after the last, ignoring that action.
-    DISABLED parks the car: it keeps its state and last image, earns nothing and costs nothing.
+    DISABLED parks the car: it keeps state and image, earns and costs nothing.
     """
 
     def __init__(
@@ -91,10 +90,10 @@ class RacerVectorEnv(VectorEnv[Any, NDArray[Any], Any]):
         autoreset_mode: AutoresetMode = AutoresetMode.NEXT_STEP, threads: int = 1,
         device: str = "cpu",
     ) -> None:  # fmt: skip
-        """Build N cars; `reset` puts them on the road.
+        """Build N cars on a track, or on several; `reset` puts them on the road.
 
         Args:
-            track: that they drive, or several.
+            track: see above.
             num_envs: N.
             car: a name in `CAR_PROFILES`.
             actions: what to choose from, steering (degrees, left is positive) and speed (m/s), or
@@ -109,13 +108,10 @@ class RacerVectorEnv(VectorEnv[Any, NDArray[Any], Any]):
             race: rules under which an episode is a race of several laps, or None: it is a lap.
             autoreset_mode: NEXT_STEP or DISABLED.
             threads: that draw images.
-            device: one of `DEVICES`. On "cuda" everything is done on one NVIDIA GPU: steps take and
-                return arrays there, see `device.racer.DeviceRacer`, which is `on_device`.
+            device: one of `DEVICES`; with "cuda" arrays are those on a GPU of `on_device`.
 
         Raises:
-            ValueError: an argument is out of range.
-            CardError: a GPU cannot do what is asked for.
-            DeviceError: no GPU works, or it is too small.
+            ValueError: an argument is out of range; other errors are those of `cars_on_gpu`.
         """
         self._commands = commands_for(checked(actions))
         check_positive(num_envs=num_envs, max_steps=max_steps, threads=threads)
@@ -140,12 +136,9 @@ class RacerVectorEnv(VectorEnv[Any, NDArray[Any], Any]):
         self._schedule = TrackSchedule(len(self.tracks), num_envs)
         self._reverse = np.zeros(num_envs, np.bool_)
         self._parked_readings: Readings = {}  # the last ones of parked cars
-        self.on_device = None
-        """The cars on a GPU, or None."""
-        if device != "cpu":
-            self.on_device = cars_on_gpu(
-                self._fleet, self._sensors, self._commands, self._parks, self._race
-            )
+        parts = self._fleet, self._sensors, self._commands, self._parks, self._race
+        self.on_device = None if device == "cpu" else cars_on_gpu(*parts)
+        """The cars on a GPU, see `device.racer.DeviceRacer`, or None."""
 
     def reset(
         self,
@@ -192,8 +185,7 @@ class RacerVectorEnv(VectorEnv[Any, NDArray[Any], Any]):
                 parked or due for a reset.
 
         Returns:
-            observations (N, …), rewards (N,), terminations (N,), truncations (N,), infos; all of
-            them new arrays.
+            observations (N, …), rewards, terminations, truncations (N,), infos: all new arrays.
 
         Raises:
             ResetNeeded: the environment was never reset.

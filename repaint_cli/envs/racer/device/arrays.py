@@ -16,11 +16,18 @@ def upload(array: NDArray[Any]) -> Any:
     return cuda.to_device(np.ascontiguousarray(array))
 
 
-def given(array: Any) -> Any:
-    """Return a caller's array, on the GPU as it is, of the host as a copy there."""
+def given(array: Any, stream: Any) -> Any:
+    """Return a caller's array, one on the GPU as it is, one of the host as a copy there."""
     if hasattr(array, "__cuda_array_interface__"):
         return cuda.as_cuda_array(array, sync=False)
-    return upload(np.asarray(array)) if isinstance(array, np.ndarray | list) else array
+    if isinstance(array, np.ndarray | list):
+        return cuda.to_device(np.ascontiguousarray(array), stream)
+    return array
+
+
+def finish() -> None:
+    """Wait for all that was begun, on whatever stream."""
+    cuda.synchronize()
 
 
 def zeros(shape: Sequence[int], dtype: DTypeLike = np.float64) -> Any:

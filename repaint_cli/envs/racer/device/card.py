@@ -45,15 +45,17 @@ def check_card() -> None:
     Raises:
         DeviceError: one of them is not so.
     """
+    from numba import config
+
+    if vars(config)["ENABLE_CUDASIM"]:
+        return
     if find_spec("numba_cuda") is None:
         raise DeviceError(
             "expected numba-cuda for cars on a GPU, found none; "
             f"pip install 'repaint-rl[gpu]' brings it, {INSTEAD}"
         )
-    from numba import config, cuda
+    from numba import cuda
 
-    if config.ENABLE_CUDASIM:
-        return
     if not cuda.is_available():
         raise DeviceError(
             f"expected a GPU for the cars, found none ({_reason()}); see what nvidia-smi says, "
@@ -87,7 +89,9 @@ def check_memory(needed: int, n: int) -> None:
     """
     from numba import config, cuda
 
-    free = needed if config.ENABLE_CUDASIM else cuda.current_context().get_memory_info().free
+    free = (
+        needed if vars(config)["ENABLE_CUDASIM"] else cuda.current_context().get_memory_info().free
+    )
     check_free(needed, int(free), n)
 
 

@@ -18,7 +18,7 @@ from repaint_cli.envs.racer.dynamics.commands import Commands, ListedCommands
 from repaint_cli.envs.racer.dynamics.encounters import CAR_BODY, HIT
 from repaint_cli.envs.racer.dynamics.fleet import NOTHING, Fleet
 from repaint_cli.envs.racer.dynamics.objects import WAITS
-from repaint_cli.envs.racer.dynamics.rules import TERMS, TIME_UP, TRAFFIC_TERMS
+from repaint_cli.envs.racer.dynamics.rules import IN_PROGRESS, TERMS, TIME_UP, TRAFFIC_TERMS
 from repaint_cli.envs.racer.names import RECORDS
 from repaint_cli.envs.racer.sight.camera import lens
 from repaint_cli.envs.racer.track.geometry import Floats
@@ -89,12 +89,11 @@ class DeviceFleet:
         """
         self.starts.begin(rngs, fractions, reverse, stream)
         self.ways.copy_to_device(reverse.astype(np.int64), stream)
-        over = np.full(self.n, TIME_UP, np.int64)
-        self.status.copy_to_device(over, stream)
+        self.status.copy_to_device(np.full(self.n, TIME_UP, np.int64), stream)
         self.readings.copy_to_device(np.zeros(self.n, np.int64), stream)
         self._advance(False, stream)
         if parked.any():
-            status = np.where(parked, over, self.status.copy_to_host())
+            status = np.where(parked, TIME_UP, IN_PROGRESS)
             self.status.copy_to_device(status, stream)
             self._report(stream)
 

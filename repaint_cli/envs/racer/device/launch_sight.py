@@ -12,15 +12,29 @@ from repaint_cli.envs.racer.device.noise import normal
 from repaint_cli.envs.racer.dynamics.car import YAW
 from repaint_cli.envs.racer.sight.boxes import (
     BOTTOM,
+    FIRST,
     RANGE,
     TOP,
+    beam,
+    beam_angle,
     draw_box_row,
+    in_reach,
     lidar_at,
     rank_of,
-    scan_beam,
     view_box,
 )
-from repaint_cli.envs.racer.sight.camera import HEIGHT, WIDTH, eye_at, render_row
+from repaint_cli.envs.racer.sight.camera import (
+    HEIGHT,
+    LEVEL,
+    SKY,
+    SKYWARD,
+    WIDTH,
+    eye_at,
+    ground_luma,
+    row_at,
+    texels_at,
+    wall_luma,
+)
 from repaint_cli.kernels import device_kernel
 
 
@@ -50,14 +64,23 @@ def draw_pictures(
     cuda.syncthreads()
     if r >= HEIGHT:
         return
-    line, eye = images[row, r, :, channel], (eyes[0], eyes[1], eyes[2], eyes[3])
-    render_row(
-        states[row], eye_offset, eye, table[r], levels, origin, field, walls, lane, stride, line
-    )
+    line, look = images[row, r, :, channel], table[r]
+    eye_x, eye_y, level = eyes[2], eyes[3], levels[int(look[LEVEL])]
+    x, y, dx, dy, first, end = row_at(states[row], eye_offset, eyes[0], eyes[1], look, field)
+    u, v, du, dv = texels_at(x, y, dx, dy, look, origin)
+    for k in range(lane, WIDTH, stride):
+        if k < first or k >= end:
+            line[k] = wall_luma(eye_x, eye_y, x + k * dx - eye_x, y + k * dy - eye_y, field, walls)
+        elif look[SKYWARD] > 0.0:
+            line[k] = SKY
+        else:
+            line[k] = ground_luma(k, u, v, du, dv, level)
     for rank in range(n_boxes):
         view = views[row, rank]
         if view[TOP] <= r and r < view[BOTTOM]:
-            draw_box_row(r, view, body, lens, (HEIGHT, WIDTH), lane, stride, line)
+            first = int(view[FIRST])
+            first += (lane - first) % stride
+            draw_box_row(r, HEIGHT, WIDTH, view, body, lens, first, stride, line)
 
 
 @device_kernel
@@ -68,9 +91,11 @@ def scan_ranges(
     """Measure a lidar's ranges (N, beams), a block a car and a thread a beam, with noise (m)."""
     row, k, beams = cuda.blockIdx.x, cuda.threadIdx.x, ranges.shape[1]
     near = RANGE
-    if n_objects > 0:
-        x, y = lidar_at(states[row])
-        near = scan_beam(x, y, states[row, YAW], k, beams, poses[row], body)
+    x, y = lidar_at(states[row])
+    for b in range(n_objects):
+        box = poses[row, b]
+        if in_reach(x, y, box, body):
+            near = min(near, beam(x, y, beam_angle(states[row, YAW], k, beams), box, body))
     if near < RANGE and noise > 0.0:
         near += noise * normal(keys[row], readings[row] * beams + k)
     ranges[row, k] = min(max(near, least), RANGE)

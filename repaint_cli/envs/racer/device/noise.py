@@ -4,6 +4,7 @@ They are not those of the CPU, whose generators count in a row.
 """
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -17,7 +18,7 @@ _UNIT = 2.0**-53
 
 
 @kernel
-def mixed(bits: int) -> int:
+def mixed(bits: Any) -> Any:
     """Return 64 bits that look random, of other 64 bits (splitmix64; Steele et al. 2014)."""
     bits += _STEP
     bits = (bits ^ (bits >> _30)) * _FIRST
@@ -26,7 +27,7 @@ def mixed(bits: int) -> int:
 
 
 @kernel
-def normal(key: int, place: int) -> float:
+def normal(key: Any, place: int) -> float:
     """Return the standard normal number (Box and Muller 1958) at a place of a key's sequence.
 
     Args:

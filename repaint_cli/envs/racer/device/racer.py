@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from repaint_cli.envs.racer.device.arrays import given, stream_at
+from repaint_cli.envs.racer.device.arrays import finish, given, stream_at
 from repaint_cli.envs.racer.device.card import check_memory
 from repaint_cli.envs.racer.device.fleet import DeviceFleet
 from repaint_cli.envs.racer.device.sensors import DeviceSensors
@@ -38,6 +38,7 @@ class DeviceRacer:
         self._parks, self._commands = parks, commands
         self.stream = stream_at(0)
         """On which all of it happens."""
+        finish()
 
     def use_stream(self, pointer: int) -> None:
         """Go on in another stream, such as `torch.cuda.current_stream().cuda_stream`."""
@@ -49,7 +50,7 @@ class DeviceRacer:
         Raises:
             ValueError: it has another shape or type.
         """
-        images, own = given(images), self.sensors.images
+        images, own = given(images, self.stream), self.sensors.images
         if images.shape != own.shape or images.dtype != np.uint8:
             raise ValueError(
                 f"expected an array {own.shape} of uint8 for the pictures, found {images.shape} "
@@ -64,7 +65,8 @@ class DeviceRacer:
         """Start an episode of every car; see `RacerVectorEnv.reset` and `DeviceFleet.begin`."""
         if self.sensors.ranges is not None:
             states = (rng.bit_generator.state["state"]["state"] for rng in rngs)
-            self.sensors.begin(np.array([state % 2**64 for state in states], np.uint64))
+            keys = np.array([state % 2**64 for state in states], np.uint64)
+            self.sensors.begin(keys, self.stream)
         self.fleet.begin(rngs, fractions, reverse, parked, self.stream)
         self.sensors.read(self.fleet, self.stream)
         return self._observation(), dict(self.fleet.infos)
@@ -78,7 +80,7 @@ class DeviceRacer:
         Raises:
             ValueError: the actions are not N of the action space.
         """
-        actions, fleet = given(actions), self.fleet
+        actions, fleet = given(actions, self.stream), self.fleet
         listed = isinstance(self._commands, ListedCommands)
         shape, kinds = ((fleet.n,), "iu") if listed else ((fleet.n, 2), "f")
         if tuple(actions.shape) != shape or actions.dtype.kind not in kinds:

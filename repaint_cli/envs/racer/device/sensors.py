@@ -22,9 +22,10 @@ class DeviceSensors:
 
     def __init__(self, like: Sensors, fleet: DeviceFleet) -> None:
         """Build them with the settings of sensors on the CPU."""
-        table, levels, *rest = like.grounds[0]
-        ground = upload(table), tuple(upload(level) for level in levels), *map(upload, rest)
-        self._ground, self._lens = ground, upload(lens())
+        table, levels, origin, field, walls = like.grounds[0]
+        pictures = tuple(upload(level) for level in levels)
+        self._ground = upload(table), pictures, upload(origin), upload(field), upload(walls)
+        self._lens = upload(lens())
         objects = fleet.objects
         self._n_objects = objects.settings.n if objects else 0
         self._body = upload(body_of(objects.settings) if objects else BOT)
@@ -38,9 +39,9 @@ class DeviceSensors:
         self.ranges = zeros((fleet.n, BEAMS), np.float32) if like.has_lidar else None
         """What the lidar reads, (N, 64), m, or None."""
 
-    def begin(self, keys: NDArray[np.uint64]) -> None:
+    def begin(self, keys: NDArray[np.uint64], stream: Any) -> None:
         """Set where the noise of each car's lidar comes from, (N,)."""
-        self._keys.copy_to_device(keys)
+        self._keys.copy_to_device(keys, stream)
 
     def read(self, fleet: DeviceFleet, stream: Any) -> None:
         """Draw the pictures and read the lidars of all cars; those of parked ones stay."""

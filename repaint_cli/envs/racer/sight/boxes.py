@@ -69,17 +69,16 @@ def lidar_at(state: np.ndarray) -> tuple[float, float]:
 
 
 @kernel
-def scan_beam(
-    x: float, y: float, yaw: float, k: int, beams: int, poses: np.ndarray, body: np.ndarray
-) -> float:  # fmt: skip
-    """Measure the range of beam k of a lidar at (x, y), heading `yaw`, m; see `scan_rows`."""
-    angle = yaw + np.pi + FIRST_BEAM + BEAM_SPAN * k / (beams - 1)
-    reach, near = RANGE + body[LENGTH], RANGE
-    for b in range(poses.shape[0]):
-        box = poses[b]
-        if (box[0] - x) ** 2 + (box[1] - y) ** 2 <= reach * reach:
-            near = min(near, beam(x, y, angle, box, body))
-    return near
+def in_reach(x: float, y: float, box: np.ndarray, body: np.ndarray) -> bool:
+    """Tell whether a beam from (x, y) can reach a box."""
+    reach = RANGE + body[LENGTH]
+    return bool((box[0] - x) ** 2 + (box[1] - y) ** 2 <= reach * reach)
+
+
+@kernel
+def beam_angle(yaw: float, k: int, beams: int) -> float:
+    """Return the direction of beam k of a lidar on a car that heads to `yaw`, rad."""
+    return yaw + np.pi + FIRST_BEAM + BEAM_SPAN * k / (beams - 1)
 
 
 @kernel
@@ -97,10 +96,14 @@ def scan_rows(
     """
     beams = ranges.shape[1]
     for row in rows:
-        yaw = states[row, 2]
         x, y = lidar_at(states[row])
-        for k in range(beams):
-            ranges[row, k] = scan_beam(x, y, yaw, k, beams, poses[row], body)
+        ranges[row] = RANGE
+        for b in range(poses.shape[1]):
+            box = poses[row, b]
+            if in_reach(x, y, box, body):
+                for k in range(beams):
+                    angle = beam_angle(states[row, 2], k, beams)
+                    ranges[row, k] = min(ranges[row, k], beam(x, y, angle, box, body))
 
 
 @kernel
@@ -163,24 +166,24 @@ def view_box(
 
 @kernel
 def draw_box_row(
-    r: int, view: np.ndarray, body: np.ndarray, lens: np.ndarray, size: tuple[int, int],
-    lane: int, stride: int, line: np.ndarray,
+    r: int, rows: int, columns: int, view: np.ndarray, body: np.ndarray, lens: np.ndarray,
+    first: int, stride: int, line: np.ndarray,
 ) -> None:  # fmt: skip
-    """Draw a box over those pixels of row r that are `lane` modulo `stride`.
+    """Draw a box over every `stride`-th pixel, from the first on, of a row of an image.
 
     Args:
-        r: between the box's TOP and BOTTOM.
+        r: which row, from the box's TOP to its BOTTOM.
+        rows: of the image.
+        columns: of the image.
         view: `view_box`'s answer.
-        body: as there.
-        lens: as there.
-        size: as there.
-        lane: which pixels; 0 and 1 are all of them.
-        stride: see `lane`.
+        body: as there, like the next.
+        lens: of the camera.
+        first: the first pixel, at or after the box's FIRST.
+        stride: 1 is all pixels.
         line: changed, (160,) uint8.
     """
-    rows, columns = size
     height, pitch, focal = lens[1], lens[2], lens[5]
-    cos, sin, ox, oy = view[COS], view[SIN], view[EYE_X], view[EYE_Y]
+    cos, sin, ox, oy, last = view[COS], view[SIN], view[EYE_X], view[EYE_Y], int(view[LAST])
     half_length, half_width, half_height = body[0] / 2.0, body[1] / 2.0, body[2] / 2.0
     end, side = np.uint8(body[END]), np.uint8(body[SIDE])
     v = (r + 0.5 - rows / 2.0) / focal
@@ -189,8 +192,7 @@ def draw_box_row(
     near_z, far_z = _slab(height - half_height, rise, half_height, 0.0, np.inf)
     if near_z > far_z:
         return
-    first, last = int(view[FIRST]), int(view[LAST])
-    for c in range(first + (lane - first) % stride, last, stride):
+    for c in range(first, last, stride):
         u = -(c + 0.5 - columns / 2.0) / focal  # to the left
         near_x, far = _slab(ox, run * cos + u * sin, half_length, near_z, far_z)
         near, far = _slab(oy, u * cos - run * sin, half_width, near_x, far)
@@ -221,14 +223,16 @@ def draw_rows(
 
     See `view_box` for the other arguments; poses are (N, B, ≥3), rows (K,).
     """
-    n_boxes = poses.shape[1]
-    size = images.shape[1], images.shape[2]
+    n_boxes, n_rows, n_columns = poses.shape[1], images.shape[1], images.shape[2]
     order, view = np.empty(n_boxes, np.int64), np.empty(VIEW)
     for row in rows:
         image = images[row, :, :, channel]
         for k in range(n_boxes):
             order[rank_of(states[row], poses[row], k)] = k
         for b in order:
-            view_box(states[row], eye_offset, poses[row, b], body, lens, size, view)
+            view_box(
+                states[row], eye_offset, poses[row, b], body, lens, (n_rows, n_columns), view
+            )  # fmt: skip
+            first = int(view[FIRST])
             for r in range(int(view[TOP]), int(view[BOTTOM])):
-                draw_box_row(r, view, body, lens, size, 0, 1, image[r])
+                draw_box_row(r, n_rows, n_columns, view, body, lens, first, 1, image[r])

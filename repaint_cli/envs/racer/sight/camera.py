@@ -80,7 +80,7 @@ def _inside_span(start: float, step: float, low: float, high: float) -> tuple[in
 
 
 @kernel
-def _wall_luma(
+def wall_luma(
     x: float, y: float, dx: float, dy: float, field: np.ndarray, walls: np.ndarray
 ) -> Any:
     """Return the grey level of the wall that a ray from (x, y) towards (dx, dy) meets first."""
@@ -92,31 +92,17 @@ def _wall_luma(
 
 
 @kernel
-def _ground_span(
-    line: np.ndarray, first: int, end: int, stride: int, u: float, v: float, du: float, dv: float,
-    level: Any,
-) -> None:  # fmt: skip
-    """Fill pixels first..end of a line by bilinear look-ups at texel (u + k·du, v + k·dv)."""
+def ground_luma(k: int, u: Any, v: Any, du: Any, dv: Any, level: Any) -> Any:
+    """Return the grey level at texel (u + k·du, v + k·dv), float32, by a bilinear look-up."""
     # unsigned: numba need not look for negative indices
     one, half = np.uint32(1), np.float32(0.5)
-    u0, v0, du0, dv0 = np.float32(u), np.float32(v), np.float32(du), np.float32(dv)
-    for k in range(first, end, stride):
-        uk, vk = u0 + np.float32(k) * du0, v0 + np.float32(k) * dv0
-        c, r = (
-            np.uint32(np.int32(uk)),
-            np.uint32(np.int32(vk)),
-        )
-        fu, fv = uk - np.float32(c), vk - np.float32(r)
-        a, b = np.float32(level[r, c]), np.float32(level[r, c + one])
-        low = a + fu * (b - a)
-        a, b = np.float32(level[r + one, c]), np.float32(level[r + one, c + one])
-        line[k] = np.uint8(np.int32(low + fv * (a + fu * (b - a) - low) + half))
-
-
-@kernel
-def own_from(first: int, lane: int, stride: int) -> int:
-    """Return the first pixel from `first` on that is `lane` modulo `stride`."""
-    return first + (lane - first) % stride
+    uk, vk = u + np.float32(k) * du, v + np.float32(k) * dv
+    c, r = np.uint32(np.int32(uk)), np.uint32(np.int32(vk))
+    fu, fv = uk - np.float32(c), vk - np.float32(r)
+    a, b = np.float32(level[r, c]), np.float32(level[r, c + one])
+    low = a + fu * (b - a)
+    a, b = np.float32(level[r + one, c]), np.float32(level[r + one, c + one])
+    return np.uint8(np.int32(low + fv * (a + fu * (b - a) - low) + half))
 
 
 @kernel
@@ -128,27 +114,24 @@ def eye_at(state: np.ndarray, eye_offset: float) -> tuple[float, float, float, f
 
 
 @kernel
-def render_row(
-    state: np.ndarray, eye_offset: float, eye: tuple[float, float, float, float],
-    look: np.ndarray, levels: tuple[np.ndarray, ...], origin: np.ndarray, field: np.ndarray,
-    walls: np.ndarray, lane: int, stride: int, line: np.ndarray,
-) -> None:  # fmt: skip
-    """Draw the pixels of one row that are `lane` modulo `stride`.
+def row_at(
+    state: np.ndarray, eye_offset: float, cos: float, sin: float, look: np.ndarray,
+    field: np.ndarray,
+) -> tuple[float, float, float, float, int, int]:  # fmt: skip
+    """Return which points a row of pixels shows, those of the plane that it looks at.
 
     Args:
-        state: as in `render`, like the others.
+        state: as in `render`, like the next.
         eye_offset: to the left.
-        eye: `eye_at`'s answer.
+        cos: of the car's heading.
+        sin: of the car's heading.
         look: the row's line of the table, (5,).
-        levels: of the ground.
-        origin: of the ground.
         field: of the ground.
-        walls: grey levels.
-        lane: which pixels, from 0 to `stride` − 1; 0 and 1 are all of them.
-        stride: see `lane`.
-        line: filled, (160,) uint8.
+
+    Returns:
+        x and y of the first pixel, m, the step to each next one, m, and the first pixel and the end
+        of those inside the field; the others show walls.
     """
-    cos, sin, eye_x, eye_y = eye
     ahead, side = look[AHEAD], look[SIDE]
     left = (WIDTH / 2 - 0.5) * side + eye_offset
     x, y = state[0] + ahead * cos - left * sin, state[1] + ahead * sin + left * cos
@@ -156,21 +139,17 @@ def render_row(
     first_x, end_x = _inside_span(x, dx, field[0], field[2])
     first_y, end_y = _inside_span(y, dy, field[1], field[3])
     first = max(first_x, first_y)
-    end = max(min(end_x, end_y), first)
-    for k in range(lane, first, stride):
-        line[k] = _wall_luma(eye_x, eye_y, x + k * dx - eye_x, y + k * dy - eye_y, field, walls)
-    for k in range(own_from(end, lane, stride), WIDTH, stride):
-        line[k] = _wall_luma(eye_x, eye_y, x + k * dx - eye_x, y + k * dy - eye_y, field, walls)
-    begin = own_from(first, lane, stride)
-    if look[SKYWARD] > 0.0:
-        for k in range(begin, end, stride):
-            line[k] = SKY
-        return
+    return x, y, dx, dy, first, max(min(end_x, end_y), first)
+
+
+@kernel
+def texels_at(
+    x: float, y: float, dx: float, dy: float, look: np.ndarray, origin: np.ndarray
+) -> tuple[Any, Any, Any, Any]:
+    """Return `row_at`'s first point and step in texels of the row's level, float32."""
     size = look[SIZE]
     u, v = (x - origin[0]) / size - 0.5, (y - origin[1]) / size - 0.5
-    _ground_span(
-        line, begin, end, stride, u, v, dx / size, dy / size, levels[int(look[LEVEL])]
-    )  # fmt: skip
+    return np.float32(u), np.float32(v), np.float32(dx / size), np.float32(dy / size)
 
 
 @kernel
@@ -190,11 +169,21 @@ def render(
         walls: `WALLS`, (4,).
         image: filled, (120, 160) uint8.
     """
-    eye = eye_at(state, eye_offset)
+    cos, sin, eye_x, eye_y = eye_at(state, eye_offset)
     for row in range(HEIGHT):
-        render_row(
-            state, eye_offset, eye, table[row], levels, origin, field, walls, 0, 1, image[row]
-        )  # fmt: skip
+        look, line = table[row], image[row]
+        x, y, dx, dy, first, end = row_at(state, eye_offset, cos, sin, look, field)
+        for k in range(first):
+            line[k] = wall_luma(eye_x, eye_y, x + k * dx - eye_x, y + k * dy - eye_y, field, walls)
+        for k in range(end, WIDTH):
+            line[k] = wall_luma(eye_x, eye_y, x + k * dx - eye_x, y + k * dy - eye_y, field, walls)
+        if look[SKYWARD] > 0.0:
+            line[first:end] = SKY
+            continue
+        u, v, du, dv = texels_at(x, y, dx, dy, look, origin)
+        level = levels[int(look[LEVEL])]
+        for k in range(first, end):
+            line[k] = ground_luma(k, u, v, du, dv, level)
 
 
 @kernel

@@ -103,7 +103,7 @@ def nearest_of(places: np.ndarray, along: float) -> int:
 
     Of two in one place it is the nearer by index, as in DeepRacer.
     """
-    after = min(max(np.searchsorted(places, along, side="right"), 1), len(places) - 1)
+    after = min(max(int(np.searchsorted(places, along, side="right")), 1), len(places) - 1)
     return after - 1 if along - places[after - 1] <= places[after] - along else after
 
 
