@@ -77,7 +77,7 @@ def test_an_unknown_device_is_named():
 
 def test_without_numba_cuda_it_says_what_to_install(monkeypatch):
     monkeypatch.setattr(card, "find_spec", lambda name: None)
-    with pytest.raises(DeviceError, match=r"found none; pip install 'repaint-rl\[gpu\]' brings it"):
+    with pytest.raises(DeviceError, match=r"found none; pip install 'numba-cuda.cu13.' brings it"):
         RacerVectorEnv(load_track("oval"), 2, device="cuda")
 
 

@@ -52,7 +52,7 @@ def check_card() -> None:
     if find_spec("numba_cuda") is None:
         raise DeviceError(
             "expected numba-cuda for cars on a GPU, found none; "
-            f"pip install 'repaint-rl[gpu]' brings it, {INSTEAD}"
+            f"pip install 'numba-cuda[cu13]' brings it, {INSTEAD}"
         )
     from numba import cuda
 
