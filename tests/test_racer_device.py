@@ -25,16 +25,25 @@ KERNELS = {
 }  # fmt: skip
 
 
-def run(script, **env):
+def run(script, *words, **env):
     path = os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])
     return subprocess.run(
-        [sys.executable, str(FIXTURES / script)], env={**os.environ, "PYTHONPATH": path, **env},
-        capture_output=True, text=True, check=False,
+        [sys.executable, str(FIXTURES / script), *words],
+        env={**os.environ, "PYTHONPATH": path, **env}, capture_output=True, text=True, check=False,
     )  # fmt: skip
 
 
+SIMULATED = {"NUMBA_ENABLE_CUDASIM": "1", "NUMBA_DISABLE_JIT": "1"}
+
+
+def test_the_simulated_gpu_begins_and_ends_episodes_as_the_cpu():
+    done = run("simulated_gpu.py", "a step an episode", **SIMULATED)
+    assert done.stdout == "equal\n", done.stderr
+
+
+@pytest.mark.slow
 def test_the_simulated_gpu_drives_and_sees_as_the_cpu_bit_for_bit():
-    done = run("simulated_gpu.py", NUMBA_ENABLE_CUDASIM="1", NUMBA_DISABLE_JIT="1")
+    done = run("simulated_gpu.py", **SIMULATED)
     assert done.stdout == "equal\n", done.stderr
 
 
@@ -68,6 +77,15 @@ def test_what_only_the_cpu_does_is_refused(settings, found):
 def test_several_tracks_are_refused():
     with pytest.raises(CardError, match="found several tracks; or leave the device out"):
         RacerVectorEnv([load_track("oval"), load_track("wide-loop")], 2, device="cuda")
+
+
+def test_reward_functions_are_for_the_cpu():
+    env = RacerVectorEnv(load_track("oval"), 1)
+    env.on_device = object()
+    with pytest.raises(
+        CardError, match=r"expected cars on the CPU for params, .* on a GPU; or leave"
+    ):
+        env.params(0)
 
 
 def test_an_unknown_device_is_named():

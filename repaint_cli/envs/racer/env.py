@@ -26,7 +26,7 @@ from repaint_cli.envs.racer.arguments import (
     tracks_of,
 )
 from repaint_cli.envs.racer.deepracer.params import params_in
-from repaint_cli.envs.racer.device.card import cars_on_gpu
+from repaint_cli.envs.racer.device.card import cars_on_gpu, check_on_cpu
 from repaint_cli.envs.racer.dynamics.car import ACTIONS, CAR_PROFILES, STEP_SECONDS
 from repaint_cli.envs.racer.dynamics.commands import commands_for
 from repaint_cli.envs.racer.dynamics.directions import Rows, TrackSchedule, several
@@ -123,10 +123,9 @@ class RacerVectorEnv(VectorEnv[Any, NDArray[Any], Any]):
         self.metadata = {"autoreset_mode": autoreset_mode, "render_fps": round(1 / STEP_SECONDS)}
         self._parks = autoreset_mode is AutoresetMode.DISABLED
         self._sensors = Sensors(track, sensors, range_min, noise, threads, appearance)
-        self.single_observation_space = self._sensors.space()
-        self.single_action_space = self._commands.space
-        self.observation_space = batch_space(self.single_observation_space, num_envs)
-        self.action_space = batch_space(self.single_action_space, num_envs)
+        spaces = self._sensors.space(), self._commands.space
+        self.single_observation_space, self.single_action_space = spaces
+        self.observation_space, self.action_space = (batch_space(s, num_envs) for s in spaces)
         self._fleet = Fleet(track, num_envs, car, max_steps, objects, crash)
         self._race = Race(num_envs, race) if race else None
         self._chosen = np.zeros((num_envs, 2))  # the commands of the last step
@@ -216,10 +215,11 @@ class RacerVectorEnv(VectorEnv[Any, NDArray[Any], Any]):
         return self._observation(readings), infos["dprog"].copy(), terminations, truncations, infos
 
     def params(self, row: int) -> dict[str, Any]:
-        """Return DeepRacer's `params`, the argument of a reward function, of one car's state.
+        """Return DeepRacer's `params` of one car's state; CardError: the cars are on a GPU.
 
         Speed and steering in it are those of the action that was chosen, whatever noise made of it.
         """
+        check_on_cpu("params, for reward functions", self.on_device)
         return params_in(self._fleet, row, self._chosen[row])
 
     def close_extras(self, **kwargs: Any) -> None:

@@ -39,6 +39,16 @@ def cars_on_gpu(
     return DeviceRacer(fleet, sensors, commands, parks)
 
 
+def check_on_cpu(what: str, cars: "DeviceRacer | None") -> None:
+    """Check that what is asked for is not asked of cars on a GPU.
+
+    Raises:
+        CardError: it is.
+    """
+    if cars is not None:
+        raise CardError(f"expected cars on the CPU for {what}, found them on a GPU; {INSTEAD}")
+
+
 def check_card() -> None:
     """Check that numba-cuda is installed, and finds a GPU whose driver is new enough.
 
