@@ -1,9 +1,9 @@
-"""Check the racer on a GPU: does it drive as on the CPU, does it repeat itself, how fast is it?
+"""Check racing and learning on a GPU: are they as on the CPU, twice the same, and how fast?
 
     python tests/gpu/check.py FOLDER
 
-It takes about two minutes and writes FOLDER/gpu-racer.csv, whose rows name the card. Its exit code
-is 1 where the GPU and the CPU differ by more than they may.
+It takes about four minutes and writes FOLDER/gpu.csv, whose rows name the card. Its exit code is 1
+where the GPU and the CPU, or two runs, differ by more than they may.
 """
 
 import argparse
@@ -14,6 +14,7 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any, NamedTuple
 
+import learning
 import numpy as np
 from numba import cuda
 
@@ -176,7 +177,7 @@ def torch_reads(card: str) -> Iterator[Row]:
 
 
 def rows(card: str, largest: int) -> Iterator[Row]:
-    """Yield all measurements."""
+    """Yield all measurements; those of the learner name no number of cars."""
     for case in CASES:
         yield from agreement(card, case)
     yield from lidar(card)
@@ -188,18 +189,21 @@ def rows(card: str, largest: int) -> Iterator[Row]:
     for n in (1024, 4096):
         if n <= largest:
             yield from speed(card, "stereo, 6 bots", n, sensors="stereo+lidar")
+    for measured in learning.measurements():
+        what, case, *rest = measured
+        yield Row(card, what, case, 0, *rest)
 
 
 def main() -> int:
     """Measure, print and write; return the exit code."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("folder", type=Path, help="where gpu-racer.csv is written")
+    parser.add_argument("folder", type=Path, help="where gpu.csv is written")
     parser.add_argument("--largest", type=int, default=SIZES[-1], help="most cars that are timed")
     chosen = parser.parse_args()
     chosen.folder.mkdir(parents=True, exist_ok=True)
     name = cuda.get_current_device().name
     card, wrong, begun = name.decode() if isinstance(name, bytes) else str(name), 0, perf_counter()
-    with (chosen.folder / "gpu-racer.csv").open("w", newline="", encoding="utf-8") as file:
+    with (chosen.folder / "gpu.csv").open("w", newline="", encoding="utf-8") as file:
         table = csv.writer(file, lineterminator="\n")
         table.writerow(Row._fields)
         for row in rows(card, chosen.largest):

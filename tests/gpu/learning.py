@@ -1,12 +1,11 @@
 """What `check.py` measures of the learner: agreement with the CPU, repeatability, speed."""
 
-import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from time import perf_counter
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
@@ -16,6 +15,7 @@ from repaint_cli.learn.rollout.observations import Observations
 from repaint_cli.learn.update import epochs, graphs
 from repaint_cli.learn.update.adam import RowAdam
 from repaint_cli.learn.update.spec import Networks, UpdateSpec
+from repaint_cli.policies.devices import make_deterministic
 from repaint_cli.policies.networks import ActorCritic
 from repaint_cli.policies.spaces import Spaces
 from repaint_cli.policies.weights import load
@@ -24,8 +24,16 @@ from repaint_cli.runs.start import plan_teacher
 from repaint_cli.settings import PPOConfig
 from repaint_cli.tasks.card_files import read_task
 
-Row = dict[str, Any]
-"""A line of the table: name, value, unit, and whether it is as it must be."""
+
+class Measured(NamedTuple):
+    """A number, and what it may be at most, if anything."""
+
+    what: str
+    case: str
+    value: float
+    unit: str
+    limit: float | str = ""
+
 
 CAMERA = Spaces((120, 160, 1), 5, True)
 MINIBATCH = 64
@@ -80,7 +88,7 @@ def learn(way: Any, student: ActorCritic, samples: Samples, n_epochs: int) -> to
     return student.storage.detach().cpu()
 
 
-def agreement() -> Iterator[Row]:
+def agreement() -> Iterator[Measured]:
     """Yield how far an update ends from the CPU's, and whether two are equal bit for bit."""
     samples, first = samples_of(2, 650, 600), student_of(2, "cpu").storage.clone()
     on_cpu = learn(epochs, student_of(2, "cpu"), samples, 1)
@@ -88,12 +96,12 @@ def agreement() -> Iterator[Row]:
     for name, way in (("as written", epochs), ("graphs", graphs)):
         ends = [learn(way, student_of(2, "cuda"), samples, 1) for _ in range(2)]
         apart = float((ends[0] - on_cpu).norm() / moved)
-        yield row(f"update {name}: distance to the CPU's, of the way", apart, "", apart < 1e-3)
-        same = torch.equal(*ends)
-        yield row(f"update {name}: twice the same", float(same), "", same)
+        yield Measured("update: distance to the CPU's", name, apart, "of the way", 1e-3)
+        off = int((ends[0] != ends[1]).sum())
+        yield Measured("update: differs in a second one", name, off, "weights", 0)
 
 
-def waiting() -> Iterator[Row]:
+def waiting() -> Iterator[Measured]:
     """Yield whether an epoch's steps wait for the GPU nowhere."""
     student, samples, spec = student_of(1, "cuda"), samples_of(1, 640), spec_of(1)
     own = samples.to(student.device)
@@ -115,10 +123,10 @@ def waiting() -> Iterator[Row]:
         except RuntimeError:
             waits = 1.0
     torch.cuda.set_sync_debug_mode("default")
-    yield row("update: waits within an epoch", waits, "", not waits)
+    yield Measured("update: waits within an epoch", "graphs", waits, "", 0)
 
 
-def speed(seeds: Sequence[int] = (1, 8), pools: Sequence[int] = (2, 1)) -> Iterator[Row]:
+def speed(seeds: Sequence[int] = (1, 8), pools: Sequence[int] = (2, 1)) -> Iterator[Measured]:
     """Yield what a minibatch of every seed takes, and how many steps a second that is."""
     for pool in pools:
         for n_seeds in seeds:
@@ -127,12 +135,13 @@ def speed(seeds: Sequence[int] = (1, 8), pools: Sequence[int] = (2, 1)) -> Itera
             yield from _speed("graphs", what, n_seeds, *_replayed(n_seeds, pool))
 
 
-def _speed(way: str, what: str, n_seeds: int, seconds: float, n_steps: int) -> Iterator[Row]:
+def _speed(way: str, what: str, n_seeds: int, seconds: float, n_steps: int) -> Iterator[Measured]:
     """Yield how long a step took of n_steps, and how many environment steps a second that is."""
     n_epochs = read_task("racer-inner").ppo.n_epochs
     rate = MINIBATCH * n_seeds * n_steps / seconds / n_epochs
-    yield row(f"update {way}: {what}", 1000 * seconds / n_steps, "ms a minibatch of every seed")
-    yield row(f"update {way}: {what}", rate, f"environment steps/s at {n_epochs} epochs")
+    what = f"update: {what}"
+    yield Measured(what, way, 1000 * seconds / n_steps, "ms a minibatch of every seed")
+    yield Measured(what, way, rate, f"environment steps/s at {n_epochs} epochs")
 
 
 def _written(n_seeds: int, pool: int) -> tuple[float, int]:
@@ -172,17 +181,18 @@ def _replayed(n_seeds: int, pool: int) -> tuple[float, int]:
     return perf_counter() - began, n_steps
 
 
-def end_to_end() -> Iterator[Row]:
+def end_to_end() -> Iterator[Measured]:
     """Yield whether two trainings are equal, and what learning takes with the cars on the GPU."""
     with TemporaryDirectory() as folder:
         two = ["ppo.n_iterations=2"]
         small = [_trained(Path(folder) / name, two, seeds=[100, 101]) for name in ("a", "b")]
-        same = all(torch.equal(tensor, small[1][0][name]) for name, tensor in small[0][0].items())
-        yield row("training: two runs of a seed are equal", float(same), "", same)
-        yield row("training: 2 seeds, 20 episodes an iteration", small[0][1], "environment steps/s")
+        off = sum(not torch.equal(one, small[1][0][name]) for name, one in small[0][0].items())
+        case = "2 seeds, 20 episodes"
+        yield Measured("training: differs in a second one", case, off, "tensors", 0)
+        yield Measured("training", case, small[0][1], "environment steps/s")
         many = {"n_episodes": None, "n_envs": 4096, "n_steps": 4096 * 64, "n_epochs": 1}
         _, rate = _trained(Path(folder) / "many", two, **many)
-        yield row("training: 4,096 cars, 64 steps each, 1 epoch", rate, "environment steps/s")
+        yield Measured("training", "4,096 cars, 64 steps, 1 epoch", rate, "environment steps/s")
 
 
 def _trained(
@@ -198,16 +208,8 @@ def _trained(
     return tensors, float(second.stats.metrics["steps_per_second"][0])
 
 
-def row(name: str, value: float, unit: str, holds: bool | None = None) -> Row:
-    """Return a line of the table; `holds` is None where nothing is asked of the number."""
-    passed = "" if holds is None else "yes" if holds else "NO"
-    return {"what": name, "value": f"{value:.6g}", "unit": unit, "holds": passed}
-
-
-if __name__ == "__main__":
-    from repaint_cli.policies.devices import device_named
-
-    device_named("cuda")
+def measurements() -> Iterator[Measured]:
+    """Yield all measurements of the learner."""
+    make_deterministic("cuda")
     for part in (agreement, waiting, speed, end_to_end):
-        for line in part():
-            sys.stdout.write(f"{line}\n")
+        yield from part()
