@@ -19,6 +19,7 @@ import repaint_cli.envs.racer.registration  # noqa: F401  # Gymnasium knows the 
 from repaint_cli.errors import UsageError
 
 if TYPE_CHECKING:
+    from repaint_cli.engines.options import EngineOptions, RunsWatcher
     from repaint_cli.runs.carry_out import TrainedRun, Watcher
     from repaint_cli.runs.compare import ComparedRuns, EvaluatedRun, OnComparison, OnEvaluatedRun
     from repaint_cli.runs.evaluate import Evaluation, OnEpisodes
@@ -45,10 +46,9 @@ def load_task(name: AnyTask) -> "TaskCard":
 
 def load_teacher(name: Name) -> "LoadedTeacher":
     """Load a teacher from the zoo by name, or from its file; `teacher.act(observations)` acts."""
-    from repaint_cli.zoo.acting import LoadedTeacher
-    from repaint_cli.zoo.store import find
+    from repaint_cli.zoo import acting, store
 
-    return LoadedTeacher.read(find(str(name)))
+    return acting.LoadedTeacher.read(store.find(str(name)))
 
 
 def train(
@@ -101,13 +101,12 @@ def transfer(
 ) -> "TrainedRun":
     """Transfer teachers to a task, with REPAINT or with a method to compare it with.
 
-    `method` is a name in `tasks.methods.METHODS`, the default of the algorithm, "ppo" or
-    "q-learning", where absent. `auto`: what is measured decides how teachers are used, the default
-    where no method or setting says it. `view` of teachers without one: "none", "mirror", "both",
-    "auto", `auto`'s default. `instances_from`: whose samples are learned from. See `train`.
+    `method` is a name in `tasks.methods.METHODS`, the default of the `algorithm`, "ppo" or
+    "q-learning", where absent. `auto`: measurements decide how teachers are used, the default where
+    nothing says it. `view` of teachers: "none", "mirror", "both", "auto", `auto`'s default.
+    `instances_from`: whose samples are learned from. See `train`.
     """
-    from repaint_cli.runs import owner, start
-    from repaint_cli.runs.carry_out import carry_out
+    from repaint_cli.runs import carry_out, owner, start
     from repaint_cli.tasks.presets import automatic, says_how
 
     by_hand, card = _listed(settings, "settings"), _card(task, settings, iterations)
@@ -116,7 +115,7 @@ def transfer(
     named, acting = (_listed(names, "teachers") for names in (teachers, instances_from))
     who = card, named, seeds, method, algorithm, acting
     plan = start.plan_transfer(*who, folder, keep, view, device)
-    return carry_out(owner.new_run(plan), watcher, track=_listed(track, "trackers"))
+    return carry_out.carry_out(owner.new_run(plan), watcher, track=_listed(track, "trackers"))
 
 
 def resume(
@@ -188,17 +187,19 @@ def train_methods(
     methods: Sequence[str],
     teachers: Sequence[Name] = (),
     seeds: Sequence[int] = (0, 1, 2),
-    jobs: int = 1,
+    jobs: "int | EngineOptions" = 1,
+    watcher: "RunsWatcher | None" = None,
+    into: Name | None = None,
 ) -> Iterator[Path]:
     """Train several methods on the same seeds; yield the runs' folders as they finish.
 
-    `methods` are names in `tasks.methods.METHODS`, and `teachers` for those that use any; `jobs`
-    is how many runs train at a time, each in a process of its own.
+    `methods` are names in `tasks.methods.METHODS`, `teachers` for those that use any; `jobs`, how
+    many train at a time, or an engine's options; `into`, their folder. Who fails is named at last.
     """
-    from repaint_cli.runs import train_methods as runs
+    from repaint_cli.engines import train_methods as runs
 
     named = _listed(methods, "methods"), _listed(teachers, "teachers")
-    return runs.train_methods(load_task(task), *named, seeds, jobs)
+    return runs.train_methods(load_task(task), *named, seeds, jobs, watcher, into)
 
 
 def compare(
@@ -214,13 +215,12 @@ def compare(
     """Compare runs of one task by returns, and by what they took to reach targets.
 
     `reference` is the run or method that others are compared with, scratch where absent, `target`
-    returns to reach, shares of what it converged to where absent. The curves are drawn in
-    `picture`, compare.png where absent; or, with tables and a page that explains them, in the
-    folder `report`; `replace` allows for files of others there. Before, `on_comparison` is called.
+    returns to reach, shares of what it converged to where absent. Curves are drawn in `picture`, or
+    with tables and a page in the folder `report`; `replace` allows for files of others there.
     """
     from repaint_cli.runs.compare import compare_runs
 
-    runs = [Path(folder) for folder in _listed(folders, "folders")]
+    runs = [*map(Path, _listed(folders, "folders"))]
     return compare_runs(runs, reference, target, picture, report, on_comparison, replace)
 
 

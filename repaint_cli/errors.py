@@ -14,7 +14,8 @@ RepaintError                1   anything the program can explain in a line
 ├── StoreError              7   a file or folder cannot be written, or exists already
 ├── RenderError             8   no offscreen renderer works here
 ├── GameError               9   a game that is no part of repaint is absent or does not run
-└── DeviceError            10   no GPU works, or it is too small
+├── DeviceError            10   no GPU works, or it is too small
+└── EngineError            11   what carries out runs is absent, not reached, or sees no folder
 
 OSError                     7   the operating system refuses something else
 MemoryError                 1   there is not enough memory
@@ -168,6 +169,12 @@ class DeviceError(RepaintError):
     """No GPU works on this machine, or it is too small."""
 
     exit_code = 10
+
+
+class EngineError(RepaintError):
+    """What carries out runs, such as Ray, is absent or not reached, or does not see a folder."""
+
+    exit_code = 11
 
 
 class Terminated(BaseException):

@@ -435,7 +435,7 @@ def test_several_methods_are_trained_on_the_same_seeds_and_compared(repaint, hom
     said = repaint("compare", *words, *rest, "--seeds", 2, "--jobs", 2, "--report", "report")
     assert said.code == 0, said.err
     (folder,) = (home / "runs" / "reacher").iterdir()
-    assert {path.name for path in folder.iterdir()} == {"scratch", "kickstart"}
+    assert {path.name for path in folder.iterdir()} == {"scratch", "kickstart", "compare.json"}
     for method in ("scratch", "kickstart"):
         record = json.loads((folder / method / "run.json").read_text())
         assert (record["state"], record["seeds"], record["method"]) == ("finished", [0, 1], method)

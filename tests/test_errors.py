@@ -167,7 +167,7 @@ def test_settings_that_may_not_be(repaint, home, zoo, words, message):
 USAGES = [
     (sets("gamma=0.9"), "expected --set section.key=value, found 'gamma=0.9'"),
     (sets("ppo.gamma"), "expected --set section.key=value, found 'ppo.gamma'"),
-    (["compare", "home", "--jobs", 2], "--jobs is for --task; leave it out"),
+    (["compare", "home", "--jobs", 2], "--jobs is for --task or --resume; leave it out"),
     (["compare", "home", "--target", "much"], "expected --target as a number, several such"),
     (["compare", "home", "--target", "-9,nan"], "such as -9,-8, or auto; found '-9,nan'"),
     (["compare", "home", "--trajectories", "--report", "x"], "--report is for figures of returns"),

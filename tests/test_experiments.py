@@ -11,6 +11,7 @@ from small_experiment import small
 from small_runs import add_teacher
 from written_runs import climb, write_run
 
+from repaint_cli.engines.options import EngineOptions
 from repaint_cli.errors import CardError, CheckpointError, NotFound, StoreError
 from repaint_cli.experiments import estimates, figures, planned, results
 from repaint_cli.experiments.estimates import hours_of, seconds_left
@@ -397,7 +398,7 @@ def test_the_command_of_an_experiment_names_its_file_and_its_place(home):
     assert reacher.command() == "repaint reproduce reacher --scale smoke"
     mine = plan_experiment(read_experiment("mine.toml"), "night", Path("a b"))
     wanted = "repaint reproduce mine.toml --scale paper --into 'a b' --jobs 2"
-    assert mine.command("paper", jobs=2) == wanted
+    assert mine.command("paper", EngineOptions(jobs=2)) == wanted
 
 
 @pytest.mark.parametrize(

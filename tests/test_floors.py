@@ -16,9 +16,10 @@ MAY_IMPORT = {
     "learn": "ground envs tasks policies",
     "zoo": "ground files report tasks policies learn",
     "runs": "ground files report envs tasks policies learn zoo",
-    "experiments": "ground files report tasks learn zoo runs",
-    "cli": "ground files report envs tasks policies learn zoo runs experiments door",
-    "door": "ground envs tasks policies learn zoo runs cli",
+    "engines": "ground files tasks zoo runs",
+    "experiments": "ground files report tasks learn zoo runs engines",
+    "cli": "ground files report envs tasks policies learn zoo runs engines experiments door",
+    "door": "ground envs tasks policies learn zoo runs engines cli",
 }
 """Packages, the single files beside them (ground), and what users import and run (door)."""
 

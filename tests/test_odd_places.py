@@ -1,5 +1,6 @@
 """Odd places and bad moments: one line, the manual's exit code, and the command to go on with."""
 
+import json
 import os
 import resource
 import shutil
@@ -240,6 +241,8 @@ def test_a_teacher_whose_step_would_take_for_ever_is_refused(home, repaint):
 
 JOBS = ["compare", "--task", "bad.toml", "--methods", "scratch,repaint", "--jobs", 2, "--seeds", 1]
 
+METHODS = ["scratch", "kickstart"]
+
 
 def worker_of(parent):
     """The process id of the first process that trains for another, once its run has begun."""
@@ -254,21 +257,29 @@ def worker_of(parent):
 
 @pytest.mark.slow
 @pytest.mark.skipif(not Path("/proc/self/task").is_dir(), reason="needs /proc to find the process")
-def test_a_worker_killed_for_memory(home):
+@pytest.mark.parametrize("retries", [0, 1])
+def test_a_worker_killed_for_memory(home, retries):
     add_teacher(home / "home" / "zoo")
-    words = ["compare", "--task", "reacher", "--methods", "scratch,kickstart", "--jobs", 2]
-    rest = ["--teacher", "old-hand", "--seeds", 1, "--iterations", 5000, *QUICK[4:]]
+    words = ["compare", "--task", "reacher", "--methods", ",".join(METHODS), "--jobs", 2]
+    rest = ["--teacher", "old-hand", "--seeds", 1, "--iterations", 60, *QUICK[4:]]
+    rest += ["--retries", retries]
     env = os.environ | {"PYTHONPATH": str(PACKAGE.parent), "OMP_NUM_THREADS": "1"}
     command = [sys.executable, "-m", "repaint_cli", *map(str, words + rest)]
     with subprocess.Popen(command, env=env, text=True, stdout=-1, stderr=-1) as parent:
         os.kill(worker_of(parent.pid), signal.SIGKILL)
         _, err = parent.communicate(timeout=60)
-    said = err.partition("\n")  # about how long it takes
-    assert said[0].startswith("about ")
-    done = subprocess.CompletedProcess(command, parent.returncode, "", said[2])
-    is_a_line(
-        done, 1, "was killed (signal 9)", "go on with: repaint transfer --resume runs/reacher/"
-    )
+    (root,) = home.glob("runs/reacher/compare-*")
+    records = {run: json.loads((root / run / "run.json").read_text()) for run in METHODS}
+    if retries:
+        assert parent.returncode == 0, err
+        assert sorted(record["attempt"] for record in records.values()) == [1, 2]
+        assert {record["state"] for record in records.values()} == {"finished"}
+    else:
+        assert parent.returncode == 1
+        assert "was killed (signal 9)" in err
+        again = f"go on with: repaint compare --resume {root.relative_to(home)}"
+        assert again in err.splitlines()[-1]
+        assert sorted(record["iterations"] == 60 for record in records.values()) == [False, True]
     assert not subprocess.run(["pgrep", "-f", str(home)], stdout=-1, check=False).stdout
 
 

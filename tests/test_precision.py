@@ -10,6 +10,7 @@ from small_learners import learner_of, spec_of, training
 from small_runs import QUICK_LAP, weights_of
 from small_tasks import guess
 
+from repaint_cli.engines.train_methods import plan_methods
 from repaint_cli.errors import CardError
 from repaint_cli.learn.rollout.gae import to_samples
 from repaint_cli.learn.update.objectives import representation_loss
@@ -20,7 +21,6 @@ from repaint_cli.policies.networks import ActorCritic
 from repaint_cli.policies.precision import resolved, slowness_warnings
 from repaint_cli.policies.spaces import Spaces
 from repaint_cli.runs.start import plan_teacher, plan_transfer
-from repaint_cli.runs.train_methods import plan_methods
 from repaint_cli.tasks.card_files import read_task
 from repaint_cli.zoo.store import read_teacher
 

@@ -13,7 +13,7 @@ from repaint_cli.errors import CardError, CheckpointError, StoreError, UsageErro
 from repaint_cli.files.lock import folder_lock
 from repaint_cli.files.paths import shipped
 from repaint_cli.policies.weights import load, save
-from repaint_cli.runs import checkpoint, experiment
+from repaint_cli.runs import carry_out, checkpoint, experiment
 from repaint_cli.zoo.teacher_card import read_card, read_summary
 
 pytestmark = pytest.mark.usefixtures("unpainted")  # no picture of a run is looked at
@@ -50,7 +50,7 @@ def test_a_fallback_keeps_the_checkpoint_that_it_stands_on(repaint, lay, home, m
 
 @pytest.mark.parametrize("at", ["save_checkpoint", "add"])
 def test_the_best_policy_is_of_a_finished_iteration(repaint, lay, home, monkeypatch, at):
-    where = experiment if at == "save_checkpoint" else experiment.store
+    where = experiment if at == "save_checkpoint" else carry_out.store
     real, calls = getattr(where, at), []
 
     def stopped(*args, **kwargs):
@@ -70,7 +70,7 @@ def test_the_best_policy_is_of_a_finished_iteration(repaint, lay, home, monkeypa
 
 
 def test_an_interruption_of_the_last_steps_says_how_to_finish(repaint, home, monkeypatch):
-    monkeypatch.setattr(experiment, "score", stop)
+    monkeypatch.setattr(carry_out, "score", stop)
     said = repaint("train-teacher", "--task", "reacher", "--run", "run", *QUICK)
     assert said.code == 130
     command = "repaint train-teacher --resume run"
@@ -231,7 +231,7 @@ def test_a_folder_that_cannot_be_read_is_named(repaint, home, monkeypatch):
 
 @pytest.mark.parametrize("spoiled", [False, True])
 def test_a_name_that_is_taken_meanwhile_costs_no_policy(repaint, home, monkeypatch, spoiled):
-    real, other = experiment.score, home / "home" / "zoo" / "mine.safetensors"
+    real, other = carry_out.score, home / "home" / "zoo" / "mine.safetensors"
 
     def score(*args):  # while it is measured, another gets the name
         add_teacher(other.parent, "mine")
@@ -241,7 +241,7 @@ def test_a_name_that_is_taken_meanwhile_costs_no_policy(repaint, home, monkeypat
 
     words = ["train-teacher", "--task", "reacher", "--name", "mine", "--run", "run", *QUICK]
     with monkeypatch.context() as patch:
-        patch.setattr(experiment, "score", score)
+        patch.setattr(carry_out, "score", score)
         said = repaint(*words)
     before = other.read_bytes()
     assert said.code == StoreError.exit_code

@@ -375,7 +375,7 @@ def test_a_checkpoint_that_cannot_be_written_leaves_the_last_one(repaint, home, 
     after = files_below(home / "run")
     assert len(rows_of(home / "run")) == 1  # as many as the checkpoint has iterations
     changed = {name for name in before.keys() | after if before.get(name) != after.get(name)}
-    assert changed == {"metrics.csv", "evaluations/00002.safetensors"}
+    assert changed == {"metrics.csv", "evaluations/00002.safetensors", "run.lock"}
 
 
 def test_a_missing_checkpoint_is_named(repaint, lay, home):

@@ -15,6 +15,7 @@ from repaint_cli.cli.open import open_page
 from repaint_cli.cli.output import drop_output, guard_output
 from repaint_cli.cli.reproduce import reproduce
 from repaint_cli.cli.similarity import similarity
+from repaint_cli.cli.status import status
 from repaint_cli.cli.tasks import tasks
 from repaint_cli.cli.train_teacher import train_teacher
 from repaint_cli.cli.transfer import transfer
@@ -32,6 +33,7 @@ app.command("transfer", cls=HelpPage)(transfer)
 app.command("eval", cls=HelpPage)(evaluate)
 app.command("similarity", cls=HelpPage)(similarity)
 app.command("compare", cls=HelpPage)(compare)
+app.command("status", cls=HelpPage)(status)
 app.command("open", cls=HelpPage)(open_page)
 app.add_typer(reproduce, name="reproduce")
 app.add_typer(tasks, name="tasks")

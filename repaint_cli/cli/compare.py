@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from repaint_cli.cli.compare_options import CompareOptions
-from repaint_cli.cli.compare_training import print_what_would_run, train
+from repaint_cli.cli.compare_training import go_on, print_what_would_run, train
 from repaint_cli.cli.option_rules import check_together, parsed_into
 from repaint_cli.cli.option_values import parse_targets
 from repaint_cli.errors import UsageError
@@ -34,9 +34,9 @@ def compare(options: CompareOptions) -> None:
     folders = list(options.folders or [])
     if options.aa:
         _check_one(options, folders)
-    if options.task:
+    if options.task or options.resume:
         _check_places(options)
-        folders += train(options, folders)
+        folders += train(options, folders) if options.task else go_on(options, folders)
     if options.trajectories:
         return _play(options, folders)
     if options.aa:
@@ -50,7 +50,7 @@ def _check_one(options: CompareOptions, folders: list[Path]) -> None:
     Raises:
         UsageError: there are several, or none.
     """
-    if len(folders) + bool(options.task) != 1:
+    if len(folders) + bool(options.task) + bool(options.resume) != 1:
         raise UsageError(
             f"expected one RUN with --aa, or --task without RUN; found {len(folders)} "
             f"{'run' if len(folders) == 1 else 'runs'}{' and --task' * bool(options.task)}"

@@ -4,8 +4,10 @@ from pathlib import Path
 from typing import Annotated, NamedTuple
 
 from repaint_cli.cli import completion
+from repaint_cli.cli.engine_options import CpusPerRun, EngineName, GpusPerRun, Jobs, Retries
 from repaint_cli.cli.option_rules import Condition, Rule
 from repaint_cli.cli.options import WRITE, AsJson, argument, option
+from repaint_cli.engines.options import LOCAL, RETRIES
 
 DEFAULT_METHODS = "scratch,kickstart,instance,repaint"
 """What is trained where --methods is absent: the paper's table 1."""
@@ -14,6 +16,13 @@ COMPARED = "What to compare"
 TRAINED = "What to train first"
 
 WITH_TASK = Condition(lambda options: options.task, "{option} is for --task; leave it out")
+WITHOUT_TASK = Condition(
+    lambda options: not options.task, "runs go on as they began: leave out --task beside {option}"
+)
+TRAINING = Condition(
+    lambda options: options.task or options.resume,
+    "{option} is for --task or --resume; leave it out",
+)
 OF_RETURNS = Condition(
     lambda options: not options.trajectories, "{option} is for figures of returns; leave it out"
 )
@@ -88,16 +97,35 @@ class CompareOptions(NamedTuple):
         option(TRAINED, "INT", "Iterations of training. Default: the card's."),
         Rule("ppo.n_iterations", options=WITH_TASK),
     ] = None
-    jobs: Annotated[
-        int | None,
-        option(TRAINED, "INT", "How many runs at a time. Default: 1."),
-        Rule(options=WITH_TASK),
-    ] = None
     set: Annotated[
         list[str] | None,
         option(TRAINED, "SECTION.KEY=VALUE", "A setting of the card; again for several."),
         Rule(list, options=WITH_TASK),
     ] = None
+    into: Annotated[
+        Path | None,
+        option(
+            TRAINED,
+            "FOLDER",
+            "The runs' folder. What the same command began there goes on. Default: "
+            "runs/TASK/compare-…",
+        ),
+        Rule(options=WITH_TASK),
+    ] = None
+    resume: Annotated[
+        Path | None,
+        option(
+            TRAINED,
+            "FOLDER",
+            "Go on with what an earlier command trained there, as it began; then compare.",
+        ),
+        Rule(options=WITHOUT_TASK),
+    ] = None
+    engine: Annotated[EngineName, Rule(options=TRAINING)] = LOCAL
+    jobs: Annotated[Jobs, Rule(options=TRAINING)] = None
+    cpus_per_run: Annotated[CpusPerRun, Rule(options=TRAINING)] = None
+    gpus_per_run: Annotated[GpusPerRun, Rule(options=TRAINING)] = None
+    retries: Annotated[Retries, Rule(options=TRAINING)] = RETRIES
     dry_run: Annotated[
         bool,
         option(TRAINED, None, "Print what would run, and how long it takes.", "--dry-run"),

@@ -1,13 +1,15 @@
 """What `repaint compare --task` trains: how many seeds, how long it takes, and the training."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from repaint_cli.cli.compare_options import DEFAULT_METHODS, CompareOptions
 from repaint_cli.cli.dry_run import dry_run
+from repaint_cli.cli.engine_options import engine_options
 from repaint_cli.cli.option_rules import settings_of
 from repaint_cli.cli.option_values import parse_methods, seed_list
+from repaint_cli.engines.options import EngineOptions, RunsWatcher
 from repaint_cli.errors import UsageError
 
 if TYPE_CHECKING:
@@ -20,22 +22,22 @@ if TYPE_CHECKING:
 
 def print_what_would_run(options: CompareOptions) -> None:
     """Print what would be trained."""
-    methods, jobs = methods_and_jobs(options)
+    methods, how = methods_and_engine(options)
     task, card = _cards(options)
 
     def plans() -> "Sequence[Plan]":
-        from repaint_cli.runs.train_methods import plan_methods
+        from repaint_cli.engines.train_methods import plan_methods
 
         seeds = _seeds(options)
         if seeds is None:
-            seeds = _usual_seeds(options, _measured(options, card, methods, jobs))
-        return plan_methods(card, methods, options.teacher or (), seeds, jobs)
+            seeds = _usual_seeds(options, _measured(options, card, methods, how))
+        return plan_methods(card, methods, options.teacher or (), seeds)
 
-    dry_run(task, plans, jobs)
+    dry_run(task, plans, how.jobs or 1)
 
 
-def methods_and_jobs(options: CompareOptions) -> tuple[list[str], int]:
-    """Return the methods that are to be trained, and how many at a time.
+def methods_and_engine(options: CompareOptions) -> tuple[list[str], EngineOptions]:
+    """Return the methods that are to be trained, and how.
 
     Raises:
         UsageError: an option is malformed, or there are several methods for --aa.
@@ -45,7 +47,7 @@ def methods_and_jobs(options: CompareOptions) -> tuple[list[str], int]:
     methods = parse_methods(usual if options.methods is None else options.methods, jobs)
     if options.aa and len(methods) > 1:
         raise UsageError(f"expected one of --methods with --aa, found {', '.join(methods)}")
-    return methods, jobs
+    return methods, engine_options(options)
 
 
 def train(options: CompareOptions, folders: list[Path]) -> list[Path]:
@@ -53,25 +55,56 @@ def train(options: CompareOptions, folders: list[Path]) -> list[Path]:
     from rich.console import Console
 
     import repaint_cli
-    from repaint_cli.cli.live import live
     from repaint_cli.cli.namesakes import print_notes
     from repaint_cli.runs.compare import check_reference
 
-    methods, jobs = methods_and_jobs(options)
+    methods, how = methods_and_engine(options)
     check_reference(options.reference, folders, methods)
     _, card = _cards(options)
     seeds, teachers = _seeds(options), options.teacher or ()
     print_notes(*teachers)
-    screen, trained = Console(stderr=True, soft_wrap=True, highlight=False), list[Path]()
-    measured = _measured(options, card, methods, jobs)
+    screen = Console(stderr=True, soft_wrap=True, highlight=False)
+    measured = _measured(options, card, methods, how)
     few = seeds is None and not measured.quick
     seeds = _usual_seeds(options, measured) if seeds is None else seeds
-    _print_estimate(screen, measured, len(methods), len(seeds), jobs, few=few)
-    with live(screen):
-        for folder in repaint_cli.train_methods(card, methods, teachers, seeds, jobs):
-            trained.append(folder)
-            screen.print(f"{len(trained)} of {len(methods)}: wrote [bold]{folder}/[/bold]")
+    _print_estimate(screen, measured, len(methods), len(seeds), how.jobs or 1, few=few)
+    trained = _shown(
+        screen,
+        lambda watcher: repaint_cli.train_methods(
+            card, methods, teachers, seeds, how, watcher, options.into
+        ),
+    )
     return sorted(trained, key=lambda folder: methods.index(folder.name))
+
+
+def go_on(options: CompareOptions, folders: list[Path]) -> list[Path]:
+    """Go on with the runs that an earlier command trained; return their folders."""
+    from rich.console import Console
+
+    from repaint_cli.engines.train_methods import resume_methods
+    from repaint_cli.runs.compare import check_reference
+    from repaint_cli.runs.kept_records import kept_records
+
+    how, root = engine_options(options), options.resume
+    assert root is not None
+    names = list(kept_records(root))
+    check_reference(options.reference, folders, names)
+    screen = Console(stderr=True, soft_wrap=True, highlight=False)
+    trained = _shown(screen, lambda watcher: resume_methods(root, how, watcher))
+    return sorted(trained, key=lambda folder: names.index(folder.name))
+
+
+def _shown(screen: "Console", train: "Callable[[RunsWatcher], Iterator[Path]]") -> list[Path]:
+    """Train runs, and show how far they are; return their folders as they finish."""
+    from repaint_cli.cli.live import live
+    from repaint_cli.cli.runs_screen import RunsScreen
+
+    watcher, trained = RunsScreen(screen), list[Path]()
+    with live(screen, note=watcher.table):
+        for folder in train(watcher):
+            trained.append(folder)
+            watcher.wrote(folder)
+    return trained
 
 
 def _cards(options: CompareOptions) -> "tuple[TaskCard, TaskCard]":
@@ -98,24 +131,24 @@ def _seeds(options: CompareOptions) -> list[int] | None:
 
 def _usual_seeds(options: CompareOptions, measured: "Estimate") -> list[int]:
     """Return as many seeds as the time that an iteration takes allows for; twice that for --aa."""
-    from repaint_cli.runs.train_methods import usual_seeds
+    from repaint_cli.engines.train_methods import usual_seeds
 
     return seed_list(options.seed or 0, usual_seeds(measured) * (1 + options.aa))
 
 
 def _measured(
-    options: CompareOptions, card: "TaskCard", methods: Sequence[str], jobs: int
+    options: CompareOptions, card: "TaskCard", methods: Sequence[str], how: EngineOptions
 ) -> "Estimate":
     """Check all that will be trained, and measure first iterations of one seed of one method."""
     from rich.console import Console
 
     from repaint_cli.activity import doing
     from repaint_cli.cli.live import live
-    from repaint_cli.runs.train_methods import measured, plan_methods
+    from repaint_cli.engines.train_methods import measured, plan_methods
 
-    first, *_ = plan_methods(card, methods, options.teacher or (), [options.seed or 0], jobs)
+    first, *_ = plan_methods(card, methods, options.teacher or (), [options.seed or 0])
     with live(Console(stderr=True)), doing(f"measuring {first.method}"):
-        return measured(first, jobs)
+        return measured(first, how)
 
 
 def _print_estimate(

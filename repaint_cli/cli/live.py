@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from textwrap import indent
 from time import monotonic
 
 from rich.console import Console, Group, RenderableType
@@ -30,7 +31,7 @@ def live(
     Args:
         console: on which.
         left: how many seconds the iterations that are left take, if that is known.
-        note: a line beneath.
+        note: a line beneath, or several.
         compiling: whether code is being compiled, which holds up what is being done.
     """
     waiting = [Activity("starting")]
@@ -48,7 +49,7 @@ def live(
             name = Text("  " * depth + plain(own.name) + held_up)
             rows.add_row(name, _bar(own), Text(_count(own)), Text(time))
         beneath = note() if now else ""
-        return Group(rows, Text("  " + beneath)) if beneath else rows
+        return Group(rows, Text(indent(beneath, "  "))) if beneath else rows
 
     if not console.is_terminal:
         yield

@@ -92,7 +92,7 @@ def parse_methods(text: str, jobs: int) -> list[str]:
     Raises:
         UsageError: there is no name, a name stands there twice, or the jobs are fewer than 1.
     """
-    from repaint_cli.runs.train_methods import check_methods
+    from repaint_cli.engines.train_methods import check_methods
 
     names = [name for name in text.split(",") if name]
     try:

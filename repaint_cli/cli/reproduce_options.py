@@ -5,7 +5,9 @@ from pathlib import Path
 from typing import Annotated, NamedTuple
 
 from repaint_cli.cli import completion
+from repaint_cli.cli.engine_options import CpusPerRun, EngineName, GpusPerRun, Jobs, Retries
 from repaint_cli.cli.options import LONG, WHERE, WRITE, argument, option
+from repaint_cli.engines.options import LOCAL, RETRIES
 
 
 class ScaleName(StrEnum):
@@ -36,7 +38,11 @@ class ReproduceOptions(NamedTuple):
             "seeds and iterations.",
         ),
     ] = ScaleName.NIGHT
-    jobs: Annotated[int, option(LONG, "INT", "How many runs at a time.", min=1)] = 1
+    engine: EngineName = LOCAL
+    jobs: Jobs = None
+    cpus_per_run: CpusPerRun = None
+    gpus_per_run: GpusPerRun = None
+    retries: Retries = RETRIES
     into: Annotated[
         Path, option(WHERE, "FOLDER", "The folder of experiments and of the runs they share.")
     ] = Path("reproduce")

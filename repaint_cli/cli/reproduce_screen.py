@@ -8,9 +8,12 @@ from rich.console import Console
 from rich.table import Table
 
 from repaint_cli.cli.console import literal
+from repaint_cli.cli.engine_options import engine_options
 from repaint_cli.cli.live import live
 from repaint_cli.cli.printing import out, print_written
 from repaint_cli.cli.reproduce_options import ReproduceOptions
+from repaint_cli.cli.runs_screen import RunsScreen
+from repaint_cli.engines.engine import Outcome
 from repaint_cli.experiments.files import ALL, list_experiments, read_experiment
 from repaint_cli.experiments.reproduce import ExperimentWatcher, Remaining, Reproduced, reproduce
 from repaint_cli.experiments.schema import Experiment
@@ -26,6 +29,7 @@ from repaint_cli.experiments.tables import (
 from repaint_cli.experiments.training import Trained
 from repaint_cli.files.commands import command
 from repaint_cli.runs.comparison_words import duration
+from repaint_cli.runs.plan import Plan
 
 NARROW = (1, 3, 4, 5, 6)
 """The columns of an experiment's table that 80 columns have room for: variant … area."""
@@ -40,12 +44,9 @@ INTERVAL = re.compile(r"(\[[^]]*), ")
 def carry_out(options: ReproduceOptions) -> None:
     """Carry out the experiments that are named, and print their numbers."""
     screen = Console(stderr=True, soft_wrap=True, highlight=False)
-    experiments = _named(options, screen)
-    with live(screen):
-        reproduce(
-            experiments, options.scale.value, options.into, options.jobs, _Printer(screen),
-            options.replace,
-        )  # fmt: skip
+    experiments, how, printer = _named(options, screen), engine_options(options), _Printer(screen)
+    with live(screen, note=printer.runs.table):
+        reproduce(experiments, options.scale.value, options.into, how, printer, options.replace)
 
 
 def _named(options: ReproduceOptions, screen: Console) -> list[Experiment]:
@@ -67,7 +68,7 @@ class _Printer(ExperimentWatcher):
     """Prints what is to come, each run that is finished, and each experiment's numbers."""
 
     def __init__(self, screen: Console) -> None:
-        self._screen = screen
+        self._screen, self.runs = screen, RunsScreen(screen)
 
     def begin(self, remaining: Sequence[Remaining]) -> None:
         for one in remaining:
@@ -78,6 +79,15 @@ class _Printer(ExperimentWatcher):
                 sum(one.seconds for one in remaining),
             )
             self._screen.print(f"all: {runs} runs to train, about {duration(seconds)} on two cores")
+
+    def training(self, plans: Sequence[Plan]) -> None:
+        self.runs.training(plans)
+
+    def notice(self, text: str) -> None:
+        self.runs.notice(text)
+
+    def failed(self, outcome: Outcome) -> None:
+        self.runs.failed(outcome)
 
     def trained(self, trained: Trained) -> None:
         run = trained.run

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from repaint_cli.engines.options import EngineOptions
 from repaint_cli.errors import StoreError
 from repaint_cli.experiments.schema import Experiment, Panel
 from repaint_cli.files.atomic import sha256
@@ -174,7 +175,7 @@ class PlannedExperiment:
         """The experiment's own folder."""
         return self.root / self.scale / self.experiment.name
 
-    def command(self, scale: str | None = None, jobs: int = 1) -> str:
+    def command(self, scale: str | None = None, options: EngineOptions = EngineOptions()) -> str:  # noqa: B008 - frozen
         """Return the command that carries it out in the same place, perhaps at another scale."""
         form, values = (
             f"repaint reproduce {{}} --scale {scale or self.scale}",
@@ -182,7 +183,7 @@ class PlannedExperiment:
         )
         if self.root != INTO:
             form, values = f"{form} --into {{}}", [*values, str(self.root)]
-        return command(f"{form} --jobs {jobs}" if jobs > 1 else form, *values)
+        return command(form, *values) + options.words
 
     def runs(self) -> list[PlannedRun]:
         """Return all its runs, each once."""

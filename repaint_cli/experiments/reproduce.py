@@ -4,6 +4,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from repaint_cli.engines.engine import RunsFailed
+from repaint_cli.engines.options import EngineOptions
+from repaint_cli.engines.root import driven
 from repaint_cli.experiments.estimates import seconds_left
 from repaint_cli.experiments.figures import draw
 from repaint_cli.experiments.folder import ExperimentFolder, ExperimentRecord, own_folder, record_of
@@ -19,7 +22,7 @@ from repaint_cli.experiments.tables import (
     nobody_reached,
     over_markdown,
 )
-from repaint_cli.experiments.training import Trained, train, unfinished
+from repaint_cli.experiments.training import TrainingWatcher, train, unfinished
 from repaint_cli.files.atomic import write_text
 from repaint_cli.runs.aggregate import Aggregated
 
@@ -50,14 +53,11 @@ class Reproduced:
     """Its files, without those of its runs."""
 
 
-class ExperimentWatcher:
+class ExperimentWatcher(TrainingWatcher):
     """Follows experiments; this base class does nothing."""
 
     def begin(self, remaining: Sequence[Remaining]) -> None:
         """All is checked; this is what will be trained."""
-
-    def trained(self, trained: Trained) -> None:
-        """A run is finished."""
 
     def finish(self, reproduced: Reproduced) -> None:
         """An experiment is done."""
@@ -67,7 +67,7 @@ def reproduce(
     experiments: Sequence[Experiment],
     scale: str,
     into: Path = INTO,
-    jobs: int = 1,
+    jobs: int | EngineOptions = 1,
     watcher: ExperimentWatcher | None = None,
     replace: bool = False,
 ) -> list[Reproduced]:
@@ -77,21 +77,33 @@ def reproduce(
         experiments: in the order in which they are carried out.
         scale: "smoke", "night" or "paper".
         into: the folder of all experiments and of the runs that they share.
-        jobs: how many runs train at a time.
+        jobs: how many runs train at a time, or the options of an engine.
         watcher: follows them.
         replace: whether folders of other experiments of the same names may be written.
 
     Raises:
-        RepaintError: an experiment cannot be planned, or what stopped a run; finished runs stay.
+        RepaintError: an experiment cannot be planned.
+        Locked: another command trains an experiment.
+        RunsFailed: some runs failed; finished ones stay, and so do other experiments.
     """
     watcher = watcher or ExperimentWatcher()
+    options = EngineOptions.of(jobs)
     planned = [plan_experiment(one, scale, into) for one in experiments]
     folders = [own_folder(one, replace) for one in planned]
     watcher.begin(remaining(planned))
-    return [
-        _carried_out(one, folder, jobs, watcher)
-        for one, folder in zip(planned, folders, strict=True)
-    ]
+    reproduced, failures = list[Reproduced](), list[RunsFailed]()
+    with options.open(watcher) as engine:
+        for one, folder in zip(planned, folders, strict=True):
+            try:
+                with driven(folder.path, engine.driver):
+                    train(one, engine, options, watcher)
+            except RunsFailed as error:
+                failures.append(error)
+                continue
+            reproduced.append(_carried_out(one, folder, watcher))
+    if failures:
+        raise RunsFailed("; ".join(map(str, failures))) from failures[0].__cause__
+    return reproduced
 
 
 def remaining(planned: Sequence[PlannedExperiment]) -> list[Remaining]:
@@ -109,9 +121,8 @@ def remaining(planned: Sequence[PlannedExperiment]) -> list[Remaining]:
 
 
 def _carried_out(
-    planned: PlannedExperiment, folder: ExperimentFolder, jobs: int, watcher: ExperimentWatcher
+    planned: PlannedExperiment, folder: ExperimentFolder, watcher: ExperimentWatcher
 ) -> Reproduced:
-    train(planned, jobs, watcher.trained)
     panels = measured(planned)
     rows = [row for panel in panels for row in rows_of(panel)]
     written = [folder.record, folder.curves, folder.table]

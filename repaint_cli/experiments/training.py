@@ -1,15 +1,15 @@
 """Train what of an experiment is not trained yet: teachers first, then the runs that need them."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from repaint_cli.activity import doing
-from repaint_cli.errors import RepaintError
+from repaint_cli.engines.engine import Engine, Outcome, RunsFailed
+from repaint_cli.engines.options import EngineOptions, RunsWatcher
 from repaint_cli.experiments.planned import PlannedExperiment, PlannedRun, PlannedTeacher
 from repaint_cli.runs.folder import RunFolder
 from repaint_cli.runs.plan import Plan
 from repaint_cli.runs.with_teachers import check_before_playing, with_measured
-from repaint_cli.runs.workers import train_all
 from repaint_cli.zoo import store
 from repaint_cli.zoo.scoring import score
 
@@ -25,8 +25,11 @@ class Trained:
     """How many were to be trained."""
 
 
-OnTrained = Callable[[Trained], object]
-"""Is called with each run as it is finished."""
+class TrainingWatcher(RunsWatcher):
+    """Follows the training of an experiment; this base class does nothing."""
+
+    def trained(self, trained: Trained) -> None:
+        """A run is finished."""
 
 
 def unfinished(planned: PlannedExperiment) -> list[PlannedRun]:
@@ -50,33 +53,46 @@ def check(runs: Sequence[PlannedRun]) -> None:
             check_before_playing(run.plan)
 
 
-def train(planned: PlannedExperiment, jobs: int, on_trained: OnTrained) -> None:
-    """Train what is left of an experiment, as many runs at a time as there are jobs.
+def train(
+    planned: PlannedExperiment, engine: Engine, options: EngineOptions, watcher: TrainingWatcher
+) -> None:
+    """Train what is left of an experiment.
+
+    A run whose teacher could not be made is left for another time.
+
+    Args:
+        planned: the experiment.
+        engine: that carries out the runs.
+        options: of the engine, for the command that goes on.
+        watcher: follows the training.
 
     Raises:
-        RepaintError: what stopped a run; those that were finished are kept.
+        RunsFailed: some runs failed; those that were finished are kept.
     """
     waiting = unfinished(planned)
     check(waiting)
     makers = {teacher.run.key for teacher in planned.teachers() if teacher.run}
-    stages = ([r for r in waiting if r.key in makers], [r for r in waiting if r.key not in makers])
-    done, total = 0, len(waiting)
-    try:
-        for stage in stages:
-            for run in _trained(stage, jobs):
-                done += 1
-                on_trained(Trained(run, done, total))
-            for teacher in planned.teachers():
-                make_teacher(teacher, scored=planned.scale != "smoke")
-    except RepaintError as error:
-        again = planned.command(jobs=jobs)
-        raise type(error)(f"{error}; finished runs are kept, go on with: {again}") from error
-
-
-def _trained(runs: Sequence[PlannedRun], jobs: int) -> Iterator[PlannedRun]:
-    by_folder = {run.folder: run for run in runs}
-    for folder in train_all([_begun(run) for run in runs], jobs):
-        yield by_folder[folder]
+    failed, done = list[Outcome](), 0
+    for stage in (
+        [r for r in waiting if r.key in makers],
+        [r for r in waiting if r.key not in makers],
+    ):
+        able = [run for run in stage if all(teacher.file.exists() for teacher in run.teachers)]
+        by_folder = {run.folder: run for run in able}
+        plans = [_begun(run) for run in able]
+        watcher.training(plans)
+        for outcome in engine.run(plans):
+            if outcome.error:
+                failed.append(outcome)
+                watcher.failed(outcome)
+                continue
+            done += 1
+            watcher.trained(Trained(by_folder[outcome.folder], done, len(waiting)))
+        for teacher in planned.teachers():
+            make_teacher(teacher, scored=planned.scale != "smoke")
+    if failed:
+        error = RunsFailed.of(failed, len(waiting), planned.command(options=options))
+        raise error from failed[0].error
 
 
 def _begun(run: PlannedRun) -> Plan:
@@ -85,13 +101,13 @@ def _begun(run: PlannedRun) -> Plan:
 
 
 def make_teacher(teacher: PlannedTeacher, scored: bool) -> None:
-    """Write the best policy of a finished run as a teacher, perhaps with a score; once.
+    """Write the best policy of a run as a teacher once that is finished, perhaps with a score.
 
     Raises:
         CheckpointError: the policy's file is damaged.
         StoreError: the file cannot be written.
     """
-    if teacher.run is None or teacher.file.exists():
+    if teacher.run is None or teacher.file.exists() or teacher.run.left() is not None:
         return
     network, card = store.read_teacher(RunFolder(teacher.run.folder).best)
     known: dict[str, object] = {"name": teacher.file.stem}

@@ -4,7 +4,7 @@ import hashlib
 import json
 import os
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -17,6 +17,29 @@ os.umask(UMASK)
 
 TEMPORARY_PREFIX = ".repaint-"
 """Of the names of files and folders that are still being written."""
+
+_guards: dict[Path, Callable[[], None]] = {}
+"""What is checked before a write below a folder."""
+
+
+@contextmanager
+def guarded(folder: Path, check: Callable[[], None]) -> Iterator[None]:
+    """Have every write below a folder call `check` first, which raises where it may not be."""
+    place = folder.absolute()
+    _guards[place] = check
+    try:
+        yield
+    finally:
+        del _guards[place]
+
+
+def _check_guards(path: Path) -> None:
+    """Call what guards the folders that a path is below."""
+    if _guards:
+        place = path.absolute()
+        for folder, check in list(_guards.items()):
+            if place.is_relative_to(folder):
+                check()
 
 
 @contextmanager
@@ -43,6 +66,7 @@ def atomic_write(path: Path, *, new: bool = False) -> Iterator[Path]:
         with temporary.open("rb+") as file:
             os.fsync(file.fileno())
         temporary.chmod(0o666 & ~UMASK)
+        _check_guards(path)
         if new:
             _link_new(temporary, path)
         else:
@@ -83,6 +107,7 @@ def write_errors(path: Path) -> Iterator[None]:
     Raises:
         StoreError: the file or folder cannot be changed.
     """
+    _check_guards(path)
     try:
         yield
     except OSError as error:

@@ -8,7 +8,7 @@ from pathlib import Path
 from repaint_cli import interruption
 from repaint_cli.activity import doing, progress
 from repaint_cli.envs.output import PrintsInFile, prints_in_file
-from repaint_cli.errors import RewardFailed
+from repaint_cli.errors import RewardFailed, StoreError
 from repaint_cli.files.paths import user_zoo
 from repaint_cli.learn.side_by_side import one_thread
 from repaint_cli.runs.elsewhere import remember
@@ -21,6 +21,8 @@ from repaint_cli.runs.record_parts import Alarm
 from repaint_cli.runs.run_page import run_page_if_possible
 from repaint_cli.runs.trackers.tracker import TrackedRun, require, tracker_class
 from repaint_cli.runs.trackers.tracking import Tracking, trackers_of
+from repaint_cli.zoo import store
+from repaint_cli.zoo.scoring import score
 
 
 @dataclass(frozen=True)
@@ -157,7 +159,7 @@ def _finish(experiment: Experiment, interrupted: bool, track: Sequence[str]) -> 
     plan, files, teacher = experiment.plan, experiment.plan.files, None
     written = [files.record, files.metrics, files.checkpoint, files.best, *experiment.policies()]
     if plan.teacher_name and not interrupted:  # before anything that might fail
-        teacher = experiment.best_teacher(plan.teacher_name, user_zoo(), plan.replace)
+        teacher = _best_teacher(experiment, plan.teacher_name, user_zoo())
         written.append(teacher)
     run = read_run(plan.folder)
     written += draw_run(run)
@@ -171,3 +173,19 @@ def _finish(experiment: Experiment, interrupted: bool, track: Sequence[str]) -> 
     written += [place for place in places if place.exists()]
     written += [files.environment_log] if files.environment_log.exists() else []
     return TrainedRun(run, plan, written, teacher, tuple(notices))
+
+
+def _best_teacher(experiment: Experiment, name: str, folder: Path) -> Path:
+    """Score the best evaluated policy on fresh seeds and write it as a teacher.
+
+    Raises:
+        StoreError: another teacher has that name by now, or the folder cannot be written.
+    """
+    best, replace = experiment.plan.files.best, experiment.plan.replace
+    network, card = store.read_teacher(best)
+    with doing("scoring"):
+        scored = {"name": name, "score": score(network, experiment.card, card.seed)}
+    try:
+        return store.add(network, 0, card.model_copy(update=scored), folder, replace=replace)
+    except StoreError as error:
+        raise StoreError(f"{error}; the policy is kept in {best}") from error

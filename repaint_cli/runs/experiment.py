@@ -1,17 +1,19 @@
 """A run: train, evaluate, record, checkpoint. All that it leaves is in its folder."""
 
+import socket
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
+from time import monotonic
 
 import numpy as np
 
-from repaint_cli.activity import doing
 from repaint_cli.envs.episodes import Episodes
 from repaint_cli.envs.logs import EpisodeLog
 from repaint_cli.envs.output import PrintsInFile
-from repaint_cli.errors import RepaintError, RewardFailed, StoreError, locate_divergence
+from repaint_cli.errors import RepaintError, RewardFailed, locate_divergence
+from repaint_cli.files.lease import Lease
 from repaint_cli.files.provenance import versions
 from repaint_cli.kernels import training_clock
 from repaint_cli.learn import ppo, q_learning
@@ -36,11 +38,12 @@ from repaint_cli.runs.record_parts import Alarm
 from repaint_cli.runs.teachers import RunTeachers, warm_start
 from repaint_cli.tasks import trust
 from repaint_cli.tasks.card import TaskCard
-from repaint_cli.zoo import store
-from repaint_cli.zoo.scoring import score
 
 TRAINERS = {"ppo": ppo.train, "q-learning": q_learning.train}
 """The training loops; that of PPO serves the other policy gradients, too."""
+
+RECORD_SECONDS = 2.0
+"""How old run.json may become: written each iteration, it would slow down very short ones."""
 
 
 @dataclass
@@ -67,6 +70,9 @@ class Experiment:
     """What looked wrong in the last iteration."""
     prints: PrintsInFile = field(default_factory=PrintsInFile)
     """What environments have printed meanwhile."""
+    lease: Lease | None = None
+    """On its folder, where that is held."""
+    _recorded: float = 0.0
     _logs: list[EpisodeLog] = field(default_factory=list)
 
     @classmethod
@@ -161,6 +167,9 @@ class Experiment:
         except RewardFailed as error:
             self.record.failure = str(error)
             raise
+        except Exception:
+            outcome = "failed"
+            raise
         finally:
             self.progress.seconds = training_clock() - started
             if outcome != "finished":
@@ -177,6 +186,8 @@ class Experiment:
     def save(self, report: Report) -> None:
         """Put an iteration on disk; it counts once its checkpoint is there."""
         files, progress, k = self.plan.files, self.progress, report.stats.iteration
+        if self.lease:
+            self.lease.renew(self.plan.folder)
         for s, log in enumerate(self._logs):
             if report.stats.rollout:
                 log.log_training(k, report.stats.rollout.steps, s)
@@ -195,6 +206,8 @@ class Experiment:
         progress.seconds, progress.logs = report.seconds, [log.position for log in self._logs]
         save_checkpoint(self.plan, self.teachers, self.learner, self.course, progress)
         self._keep_best()
+        if monotonic() - self._recorded > RECORD_SECONDS:
+            self._write_record("running")
 
     def _keep_best(self) -> None:
         """Write the best evaluated policy if it is the last one, and not there yet."""
@@ -225,6 +238,7 @@ class Experiment:
     def _write_record(self, state: str) -> None:
         self.record.state, self.record.iterations = state, self.learner.iteration
         self.record.seconds = round(self.progress.seconds, 1)
+        self.record.host, self._recorded = socket.gethostname(), monotonic()
         self.record.write(self.plan.files)
 
     def policies(self) -> list[Path]:
@@ -233,18 +247,3 @@ class Experiment:
             write_policy(self.plan.files.policy(seed), self.plan, self.teachers, self.learner, s)
             for s, seed in enumerate(self.plan.seeds)
         ]
-
-    def best_teacher(self, name: str, folder: Path, replace: bool) -> Path:
-        """Score the best evaluated policy on fresh seeds and write it as a teacher.
-
-        Raises:
-            StoreError: another teacher has that name by now, or the folder cannot be written.
-        """
-        best = self.plan.files.best
-        network, card = store.read_teacher(best)
-        with doing("scoring"):
-            scored = {"name": name, "score": score(network, self.card, card.seed)}
-        try:
-            return store.add(network, 0, card.model_copy(update=scored), folder, replace=replace)
-        except StoreError as error:
-            raise StoreError(f"{error}; the policy is kept in {best}") from error

@@ -13,6 +13,9 @@ RUNS = Path("runs")
 RECORD = "run.json"
 """What makes a folder a run's."""
 
+PLANS = "compare.json"
+"""What a folder of several runs that were planned together holds beside them."""
+
 PAGE = "report.html"
 """The page of a run or of a comparison, in its folder."""
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from repaint_cli.files.atomic import check_writable
+from repaint_cli.files.lease import Lease, take
 from repaint_cli.files.lock import Locked
 from repaint_cli.files.paths import user_zoo
 from repaint_cli.files.provenance import stamp
@@ -13,15 +14,20 @@ from repaint_cli.runs.experiment import Experiment
 from repaint_cli.runs.find_policies import Policies
 from repaint_cli.runs.folder import RUNS, RunFolder
 from repaint_cli.runs.new_folder import claimed, make_new
+from repaint_cli.runs.newest_rows import NewestRows
 from repaint_cli.runs.plan import Plan
 from repaint_cli.runs.reader import read_run
+from repaint_cli.runs.record import RunRecord
 from repaint_cli.runs.start import plan_resume
+from repaint_cli.runs.status import silence_of
 from repaint_cli.tasks import trust
 
 
 @contextmanager
-def new_run(plan: Plan) -> Iterator[Experiment]:
+def new_run(plan: Plan, driver: str = "") -> Iterator[Experiment]:
     """Check a plan, and only then make the run's folder; hold it as long as the block lasts.
+
+    `driver` names the command that the run is of, if that trains several.
 
     Raises:
         CardError: the task cannot be rolled out as its card says.
@@ -30,9 +36,17 @@ def new_run(plan: Plan) -> Iterator[Experiment]:
         StoreError: the folder exists or cannot be made, or the zoo cannot be written.
     """
     _check_zoo(plan)
-    experiment = Experiment.prepare(plan)
-    with claimed(plan.folder, experiment.write_first, numbered=plan.numbered) as files:
-        experiment.plan = replace(plan, folder=files.path)
+    experiment, lease = Experiment.prepare(plan), Lease(driver)
+
+    def begin(files: RunFolder) -> None:
+        experiment.write_first(files)
+        lease.write(files.path)
+
+    with (
+        claimed(plan.folder, begin, numbered=plan.numbered) as files,
+        lease.held(files.path),
+    ):
+        experiment.plan, experiment.lease = replace(plan, folder=files.path), lease
         trust.allow_if_possible(experiment.card)
         yield experiment
 
@@ -45,28 +59,49 @@ def resumed_run(
     replace_teacher: bool = False,
     for_teacher: bool | None = None,
     device: str | None = None,
+    driver: str = "",
 ) -> Iterator[Experiment]:
     """Hold a run's folder as long as the block lasts, and only then read it; see `plan_resume`.
 
     Raises:
-        StoreError: another process holds the folder.
+        Locked: another process holds the folder.
         RepaintError: the run cannot go on; see `plan_resume` and `Experiment.resume`.
     """
     if not RunFolder(folder).is_run():
         read_run(folder, to_resume=True)  # which says so
     with RunFolder(folder).locked():
-        plan = plan_resume(folder, iterations, teacher_name, replace_teacher, for_teacher, device)
-        _check_zoo(plan)
-        yield Experiment.resume(plan)
+        lease = _taken(RunFolder(folder), driver)
+        with lease.held(folder):
+            plan = plan_resume(
+                folder, iterations, teacher_name, replace_teacher, for_teacher, device
+            )
+            _check_zoo(plan)
+            experiment = Experiment.resume(plan)
+            experiment.lease, experiment.record.attempt = lease, lease.attempt
+            yield experiment
 
 
-def begun_run(plan: Plan) -> AbstractContextManager[Experiment]:
+def _taken(files: RunFolder, driver: str) -> Lease:
+    """Take the lease on a run, before it is read.
+
+    Raises:
+        Locked: a process on another machine holds it, and gave a sign not long ago.
+        CheckpointError: run.json is damaged.
+    """
+    record = RunRecord.read(files)
+    silent = silence_of(NewestRows.read(files.metrics, len(record.seeds)).pace)
+    return take(files.path, driver, record.attempt + 1, silent)
+
+
+def begun_run(plan: Plan, driver: str = "") -> AbstractContextManager[Experiment]:
     """Hold the run that is in a plan's folder, which goes on as it began; a new one otherwise.
 
     Raises:
         RepaintError: see `new_run` and `resumed_run`.
     """
-    return resumed_run(plan.folder) if plan.files.is_run() else new_run(plan)
+    if plan.files.is_run():
+        return resumed_run(plan.folder, driver=driver)
+    return new_run(plan, driver)
 
 
 def _check_zoo(plan: Plan) -> None:

@@ -20,7 +20,7 @@ from repaint_cli.runs.teachers import RunTeachers, load_teachers
 from repaint_cli.tasks.card import TaskCard
 from repaint_cli.tasks.methods import METHODS
 from repaint_cli.tasks.transfer_settings import TransferConfig
-from repaint_cli.zoo import store
+from repaint_cli.zoo import sent, store
 from repaint_cli.zoo.view_names import TeacherFile
 
 
@@ -150,6 +150,10 @@ class Plan:
         verb = "transfer" if self.teacher_name is None else "train-teacher"
         return command(f"repaint {verb} --resume {{}}", self.folder)
 
+    def as_new(self) -> "Plan":
+        """Return the plan of the same run before it began."""
+        return replace(self, begun=None)
+
     def for_iterations(self, n: int) -> "Plan":
         """Return the plan with another number of iterations."""
         return replace(self, task=self.task.with_settings([f"ppo.n_iterations={n}"]))
@@ -210,6 +214,7 @@ def _file_of(teacher: TeacherRecord) -> Path:
     known = store.teachers()
     others = (name, f"{name}{store.SHIPPED}")
     places = [Path(teacher.file), *(known[other] for other in others if other in known)]
+    places += [path] if (path := sent.sent_file(wanted)) else []
     hashes = {path: sha256(path) for path in places if path.is_file()}
     if not hashes:
         raise NotFound(

@@ -47,7 +47,7 @@ class RunRecord(BaseModel):
     schema_version: int = 3
     """1 knew one teacher; 2 could not be resumed."""
     state: str = ""
-    """running, interrupted or finished."""
+    """running, interrupted, failed or finished."""
     algorithm: str = "ppo"
     """The algorithm, by its name in `methods.ALGORITHMS`."""
     method: str
@@ -82,8 +82,12 @@ class RunRecord(BaseModel):
     """How it failed, if that ended the run."""
     mended: list[NonNegativeInt] = []
     """After which iterations the run went on with another text of it."""
+    attempt: PositiveInt = 1
+    """How many processes have trained it, the last one counted."""
+    host: str = ""
+    """The machine of the last one."""
     iterations: NonNegativeInt = 0
-    """Finished iterations."""
+    """Finished iterations; of a run that trains they may be some seconds old."""
     seconds: float = 0.0
     """How long they took."""
     alarms: list[Alarm] = []
@@ -92,7 +96,7 @@ class RunRecord(BaseModel):
     _lenient = field_validator(
         "schema_version", "state", "transfer", "teacher_name", "replace", "keep", "device",
         "versions", "resumed", "reward_file", "failure", "mended", "iterations", "seconds",
-        "alarms", "ranked",
+        "alarms", "ranked", "attempt", "host",
         mode="wrap",
     )(or_default)  # fmt: skip
 
