@@ -42,7 +42,7 @@ def carry_out(engine: Engine, runs: list[Plan]) -> float:
 def train(name: str, jobs: int) -> float:
     """Return how long the runs take, s."""
     with tempfile.TemporaryDirectory() as folder:
-        runs, options = plans(folder, 20), EngineOptions(ENGINES[name], jobs, cpus_per_run=1)
+        runs, options = plans(folder, 12), EngineOptions(ENGINES[name], jobs, cpus_per_run=1)
         with options.open(RunsWatcher()) as engine:
             carry_out(engine, plans(str(Path(folder, "first")), 1)[:1])  # which compiles
             return carry_out(engine, runs)
