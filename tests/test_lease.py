@@ -4,7 +4,9 @@ import os
 import socket
 import subprocess
 import sys
+from pathlib import Path
 from time import time
+from unittest.mock import Mock
 
 import killed_runs
 import pytest
@@ -55,6 +57,26 @@ def test_who_lives_is_not_replaced_but_by_its_own_command(tmp_path, gone):
         assert take(tmp_path, "theirs", 2).attempt == 2
     Lease("theirs", pid=gone).write(tmp_path)
     assert take(tmp_path, "mine", 2).driver == "mine"
+
+
+def test_equal_numbers_are_not_equal_processes(tmp_path):
+    Lease("theirs", host="elsewhere").write(tmp_path)  # of our number
+    with pytest.raises(Locked, match="is being written by another process"):
+        take(tmp_path, "mine", 2)
+    Lease("theirs", pid=os.getppid(), began="an earlier start/1").write(tmp_path)
+    lease = take(tmp_path, "mine", 2)
+    assert lease.alive(tmp_path)
+    assert bool(lease.began) == sys.platform.startswith("linux")
+
+
+def test_a_disk_that_is_away_for_a_moment_takes_nothing_over(tmp_path, monkeypatch):
+    lease = take(tmp_path, "mine", 1)
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "read_bytes", Mock(side_effect=OSError(116, "stale")))
+        lease.check(tmp_path)
+    (tmp_path / NAME).unlink()
+    with pytest.raises(TakenOver, match="by nobody now"):
+        lease.check(tmp_path)
 
 
 def test_who_is_silent_elsewhere_counts_as_gone(tmp_path):

@@ -50,10 +50,14 @@ def _check_one(options: CompareOptions, folders: list[Path]) -> None:
     Raises:
         UsageError: there are several, or none.
     """
-    if len(folders) + bool(options.task) + bool(options.resume) != 1:
+    from repaint_cli.runs.kept_records import kept_records
+
+    kept = len(kept_records(options.resume)) if options.resume else 0
+    if len(folders) + bool(options.task) + kept != 1:
+        found = len(folders) + kept
         raise UsageError(
-            f"expected one RUN with --aa, or --task without RUN; found {len(folders)} "
-            f"{'run' if len(folders) == 1 else 'runs'}{' and --task' * bool(options.task)}"
+            f"expected one RUN with --aa, or --task without RUN; found {found} "
+            f"{'run' if found == 1 else 'runs'}{' and --task' * bool(options.task)}"
         )
 
 

@@ -5,7 +5,6 @@ itself would start a run for ever that takes more memory than there is.
 """
 
 import os
-import pickle
 from collections import deque
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
@@ -60,8 +59,9 @@ class RayEngine(Engine):
         self._probe.look(sorted(roots), self._environment)
         waiting = deque((plan, 1) for plan in plans)
         running = dict[Any, tuple[Plan, int]]()
-        most, ended = self._options.jobs or len(plans), 0
-        with doing(f"training with ray, {most} at a time"):
+        jobs, ended = self._options.jobs, 0
+        most = jobs or len(plans)
+        with doing("training with ray" + (f", {jobs} at a time" if jobs else "")):
             try:
                 while waiting or running:
                     while waiting and len(running) < most:
@@ -92,7 +92,8 @@ class RayEngine(Engine):
         own = replace(plan, folder=plan.folder.absolute())
         marker = own.folder.parent / ray_node.marker_name(self.driver)
         sent = {digest: self._teachers[digest] for digest in digests.values()}
-        return ray_node.Job(pickle.dumps(own), self.driver, str(marker), self._here, sent, digests)
+        plan_there = self._ray.put(own)
+        return ray_node.Job(plan_there, self.driver, str(marker), self._here, sent, digests)
 
     def _outcome(self, reference: Any, plan: Plan, number: int) -> Outcome | None:
         """Return how a run ended, or None if it is to go on in another process."""

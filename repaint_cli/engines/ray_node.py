@@ -4,7 +4,6 @@ Ray finds these functions by name in what is installed there: no code is sent.
 """
 
 import os
-import pickle
 import socket
 import sys
 from collections.abc import Mapping, Sequence
@@ -29,8 +28,8 @@ class Seen:
 class Job:
     """A run to be carried out on another machine."""
 
-    plan: bytes
-    """Pickled, since libraries must not be imported before this process is settled."""
+    plan: Any
+    """Ray's reference to it: libraries must not be imported before this process is settled."""
     driver: str
     """Names the command."""
     marker: str
@@ -69,11 +68,13 @@ def look(driver: str, node: str, roots: Sequence[str]) -> Seen:
 def train(job: Job) -> Exception | None:
     """Carry out a run; return what it failed by, None if it is finished."""
     _settle(job.here)
+    import ray
+
     from repaint_cli.engines.engine import as_sent, carry_on
     from repaint_cli.tasks import trust
 
     try:
-        plan = _with_teachers(pickle.loads(job.plan), job)
+        plan = _with_teachers(ray.get(job.plan), job)
         _check_marker(job)
         trust.allow_if_possible(plan.target)  # by whoever typed the command
         carry_on(plan, job.driver)
@@ -138,8 +139,8 @@ def _here(file: Any, job: Job) -> Any:
     from repaint_cli.zoo import sent
 
     digest = job.digests[str(file.path)]
+    if not sent.has(digest):  # also where its own file is here: the run may go on elsewhere
+        sent.keep(digest, ray.get(job.teachers[digest]))
     if file.path.is_file() and sha256(file.path) == digest:
         return file
-    if not sent.has(digest):
-        sent.keep(digest, ray.get(job.teachers[digest]))
     return file._replace(path=sent.sent_file(digest))

@@ -1,12 +1,12 @@
 """The folder of runs that one command trains: no second command trains them meanwhile."""
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from threading import Event, Thread
 
 from repaint_cli.errors import StoreError
-from repaint_cli.files.lease import Lease, take
+from repaint_cli.files.lease import Lease, TakenOver, take
 from repaint_cli.files.lock import folder_lock
 
 SIGN_SECONDS, SILENT_SECONDS = 20.0, 90.0
@@ -24,10 +24,11 @@ def driven(root: Path, driver: str) -> Iterator[None]:
 
     def show_signs(lease: Lease) -> None:
         while not over.wait(SIGN_SECONDS):
-            try:
-                lease.renew(root)
-            except StoreError:  # each run's own lease stops it
-                return
+            with suppress(StoreError):  # such as a disk that is away for a moment
+                try:
+                    lease.renew(root)
+                except TakenOver:  # the runs' own leases stop them
+                    return
 
     with folder_lock(root):
         lease = take(root, driver, 1, SILENT_SECONDS)

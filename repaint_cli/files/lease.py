@@ -43,8 +43,15 @@ class Lease:
     """How many processes have written the folder, this one counted."""
     host: str = field(default_factory=socket.gethostname)
     pid: int = field(default_factory=os.getpid)
+    began: str = ""
+    """When the process began, as the system counts, since numbers of processes come again."""
     token: str = field(default_factory=lambda: uuid.uuid4().hex)
     """Tells holders apart."""
+
+    @classmethod
+    def of_this_process(cls, driver: str, attempt: int = 1) -> "Lease":
+        """Return a lease of this process for a command."""
+        return cls(driver, attempt, began=_beginning(os.getpid()))
 
     @classmethod
     def read(cls, folder: Path) -> "Lease | None":
@@ -53,7 +60,7 @@ class Lease:
             data = read_json(folder / NAME)
             return cls(
                 driver=str(data["driver"]), attempt=int(data["attempt"]), host=str(data["host"]),
-                pid=int(data["pid"]), token=str(data["token"]),
+                pid=int(data["pid"]), began=str(data.get("began", "")), token=str(data["token"]),
             )  # fmt: skip
         return None
 
@@ -81,9 +88,13 @@ class Lease:
         Raises:
             TakenOver: it is not.
         """
-        with suppress(OSError):
+        try:
             if (folder / NAME).read_bytes() == self._text.encode():  # nearly always, and quick
                 return
+        except FileNotFoundError:
+            pass
+        except OSError:  # a disk that is away for a moment names nobody else
+            return
         now = Lease.read(folder)
         if now is None or now.token != self.token:
             who = f"process {now.pid} on {now.host}" if now else "nobody"
@@ -111,7 +122,8 @@ class Lease:
             silent: after how long without a sign a process on another machine counts as gone, s.
         """
         if self.host == socket.gethostname() and os.name == "posix":
-            return _runs(self.pid)
+            now = _beginning(self.pid)
+            return _runs(self.pid) and not (now and self.began and now != self.began)
         return _age(folder) < silent
 
     @contextmanager
@@ -147,9 +159,10 @@ def take(folder: Path, driver: str, attempt: int, silent: float = SILENT_SECONDS
         Locked: a process of another command holds it and lives.
     """
     before = Lease.read(folder)
-    if before and before.pid != os.getpid() and not (driver and before.driver == driver):
+    ours = before and (before.host, before.pid) == (socket.gethostname(), os.getpid())
+    if before and not ours and not (driver and before.driver == driver):
         check_free(folder, before, silent)
-    lease = Lease(driver, attempt)
+    lease = Lease.of_this_process(driver, attempt)
     lease.write(folder)
     return lease
 
@@ -181,6 +194,16 @@ def _age(folder: Path) -> float:
             return os.fstat(now.fileno()).st_mtime - sign
     except OSError:
         return time() - sign
+
+
+def _beginning(pid: int) -> str:
+    """Return when a process began: which start of the machine, how long after it; "" unknown."""
+    try:
+        start = Path("/proc/sys/kernel/random/boot_id").read_text(encoding="ascii").strip()
+        numbers = Path(f"/proc/{pid}/stat").read_bytes().rpartition(b")")[2].split()
+    except OSError:  # no Linux, or no such process
+        return ""
+    return f"{start}/{int(numbers[19])}"  # field 22 of proc_pid_stat(5)
 
 
 def _runs(pid: int) -> bool:

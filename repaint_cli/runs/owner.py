@@ -36,7 +36,7 @@ def new_run(plan: Plan, driver: str = "") -> Iterator[Experiment]:
         StoreError: the folder exists or cannot be made, or the zoo cannot be written.
     """
     _check_zoo(plan)
-    experiment, lease = Experiment.prepare(plan), Lease(driver)
+    experiment, lease = Experiment.prepare(plan), Lease.of_this_process(driver)
 
     def begin(files: RunFolder) -> None:
         experiment.write_first(files)
