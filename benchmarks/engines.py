@@ -74,12 +74,12 @@ SIDES |= {f"run {name}": partial(finished, name) for name in ENGINES} | {
 }
 
 
-def tables(found: Measurements) -> Iterator[Table]:
+def tables(measured: Measurements) -> Iterator[Table]:
     """Yield the seconds, and how much faster two are than one."""
-    yield Table(("what", "s"), [(side, span(seconds, ".1f")) for side, seconds in found.items()])
+    yield Table(("what", "s"), [(side, span(seconds, ".1f")) for side, seconds in measured.items()])
     yield Table(
         ("two workers against one", "times as fast"),
-        [(n, span(found[f"train {n} 1"] / found[f"train {n} 2"], ".2f")) for n in ENGINES],
+        [(n, span(measured[f"train {n} 1"] / measured[f"train {n} 2"], ".2f")) for n in ENGINES],
     )
 
 

@@ -164,8 +164,8 @@ def evaluate(
     from repaint_cli.runs.evaluate import check_simulator, evaluate_policy
     from repaint_cli.runs.find_policies import find_policies, with_settings
 
-    found = find_policies(policy, None if task is None else load_task(task))
-    policies = with_settings(found, episodes, noise, race, _listed(settings, "settings")).to(device)
+    named = find_policies(policy, None if task is None else load_task(task))
+    policies = with_settings(named, episodes, noise, race, _listed(settings, "settings")).to(device)
     check_simulator(policies.card, noise, logs := Path(log_folder) if log_folder else None, colour)
     return evaluate_policy(policies, seed, keep_observations, logs, colour, on_episodes)
 

@@ -109,6 +109,19 @@ def test_a_process_that_is_killed_is_tried_again_as_often_as_told(home, retries)
         assert not notices
 
 
+def test_an_own_error_in_a_process_is_not_tried_again(home):
+    (home / "bad.toml").write_text(card("fails"))
+    (home / "good.toml").write_text(card())
+    plans = [
+        Plan(read_task(str(home / f"{name}.toml")), "scratch", [0], home / name)
+        for name in ("bad", "good")
+    ]
+    (bad, good), notices = outcomes(plans, jobs=2, retries=2)
+    assert (good.error, good.tries) == (None, 1)
+    assert isinstance(bad.error, CardError)
+    assert (bad.tries, notices) == (1, [])
+
+
 def test_a_comparison_says_what_failed_and_goes_on_from_its_folder(repaint, home, monkeypatch):
     add_teacher(home / "home" / "zoo")
     real = local.carry_on

@@ -21,7 +21,7 @@ from test_runs import record_of
 from repaint_cli.engines import ray_cluster, ray_node
 from repaint_cli.engines.options import RunsWatcher
 from repaint_cli.engines.ray_cluster import Cluster
-from repaint_cli.engines.ray_node import Job, Seen, look, marker_name
+from repaint_cli.engines.ray_node import Job, NodeReport, marker_name
 from repaint_cli.engines.ray_probe import Probe
 from repaint_cli.errors import EngineError
 from repaint_cli.files.atomic import sha256
@@ -126,8 +126,8 @@ def test_a_machine_sees_a_folder_by_its_marker(tmp_path, monkeypatch):
     (there / marker_name("me")).write_text("me")
     (other / marker_name("me")).write_text("somebody else")
     roots = [str(there), str(other), str(tmp_path / "nowhere")]
-    seen = look("me", "n1", roots)
-    assert (seen.blind, seen.versions) == (tuple(roots[1:]), versions())
+    report = ray_node.probe("me", "n1", roots)
+    assert (report.unseen, report.versions) == (tuple(roots[1:]), versions())
     assert (there / f"{marker_name('me')}-n1").read_text() == "me"
     job = Job(b"", "me", str(other / marker_name("me")), "", {}, {})
     with pytest.raises(EngineError, match=f"does not see {other}, where the runs are to be"):
@@ -137,15 +137,15 @@ def test_a_machine_sees_a_folder_by_its_marker(tmp_path, monkeypatch):
 def test_a_folder_that_a_machine_does_not_see_ends_all_before_it_begins(tmp_path, monkeypatch):
     root, watcher = str(tmp_path), Notes()
     probe, sign = Probe(cluster({}), "me", watcher), tmp_path / f"{marker_name('me')}-n1"
-    for blind in ((root,), ()):  # it says so, or leaves no sign that is seen here
-        sign.touch() if blind else sign.unlink()
-        answers = [("n1", Seen("node-1", versions(), blind))]
+    for unseen in ((root,), ()):  # it says so, or leaves no sign that is report here
+        sign.touch() if unseen else sign.unlink()
+        answers = [("n1", NodeReport("node-1", versions(), unseen))]
         monkeypatch.setattr(Probe, "_answers", lambda *_, answers=answers: answers)
         with pytest.raises(EngineError, match=f"machine node-1 does not see {root}, where the run"):
             Probe(cluster({}), "me", watcher).look([root], {})
     sign.touch()
     other = {**versions(), "torch": "1.0"}
-    answers = [("n1", Seen("node-1", other, ()))]
+    answers = [("n1", NodeReport("node-1", other, ()))]
     monkeypatch.setattr(Probe, "_answers", lambda *_: answers)
     probe.look([root], {})
     (notice,) = watcher.notices

@@ -54,10 +54,10 @@ def _check_one(options: CompareOptions, folders: list[Path]) -> None:
 
     kept = len(kept_records(options.resume)) if options.resume else 0
     if len(folders) + bool(options.task) + kept != 1:
-        found = len(folders) + kept
+        n_runs = len(folders) + kept
         raise UsageError(
-            f"expected one RUN with --aa, or --task without RUN; found {found} "
-            f"{'run' if found == 1 else 'runs'}{' and --task' * bool(options.task)}"
+            f"expected one RUN with --aa, or --task without RUN; found {n_runs} "
+            f"{'run' if n_runs == 1 else 'runs'}{' and --task' * bool(options.task)}"
         )
 
 

@@ -14,13 +14,13 @@ from repaint_cli import process
 
 
 @dataclass(frozen=True)
-class Seen:
+class NodeReport:
     """What one machine of a cluster says of itself."""
 
     host: str
     versions: dict[str, str]
     """Of what results depend on, by the name of the package."""
-    blind: tuple[str, ...]
+    unseen: tuple[str, ...]
     """Folders of runs that it does not see, or cannot write."""
 
 
@@ -47,12 +47,12 @@ def marker_name(driver: str) -> str:
     return f".repaint-{driver}"
 
 
-def look(driver: str, node: str, roots: Sequence[str]) -> Seen:
+def probe(driver: str, node: str, roots: Sequence[str]) -> NodeReport:
     """Look for the folders of runs, and leave a file in each that the command looks for."""
     _settle("")
     from repaint_cli.files.provenance import versions
 
-    blind = []
+    unseen = []
     for root in roots:
         marker = os.path.join(root, marker_name(driver))
         try:
@@ -61,8 +61,8 @@ def look(driver: str, node: str, roots: Sequence[str]) -> Seen:
             with open(f"{marker}-{node}", "w", encoding="utf-8") as file:
                 file.write(driver)
         except OSError:
-            blind.append(root)
-    return Seen(socket.gethostname(), versions(), tuple(blind))
+            unseen.append(root)
+    return NodeReport(socket.gethostname(), versions(), tuple(unseen))
 
 
 def train(job: Job) -> Exception | None:

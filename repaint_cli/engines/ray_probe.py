@@ -25,7 +25,7 @@ class Probe:
     def __init__(self, cluster: Cluster, driver: str, watcher: RunsWatcher) -> None:
         self._cluster, self._driver, self._watcher = cluster, driver, watcher
         self._marked = set[Path]()
-        self._told = set[str]()
+        self._noted = set[str]()
 
     def look(self, roots: Sequence[str], environment: dict[str, Any]) -> None:
         """Have all machines look for folders; put a marker into each first, which stays.
@@ -40,33 +40,33 @@ class Probe:
         for root in new:
             write_text(self._marker(root), self._driver)
             self._marked.add(self._marker(root))
-        for name, seen in self._answers(new, environment):
-            blind = [r for r in new if r in seen.blind or not self._sign(r, name).is_file()]
-            if blind:
-                raise EngineError(ray_node.not_seen(seen.host, blind[0]))
+        for name, report in self._answers(new, environment):
+            unseen = [r for r in new if r in report.unseen or not self._sign(r, name).is_file()]
+            if unseen:
+                raise EngineError(ray_node.not_seen(report.host, unseen[0]))
             for root in new:
                 self._sign(root, name).unlink(missing_ok=True)
-            self._compare(seen)
+            self._compare(report)
 
     def _answers(
         self, roots: Sequence[str], environment: dict[str, Any]
-    ) -> list[tuple[str, ray_node.Seen]]:
+    ) -> list[tuple[str, ray_node.NodeReport]]:
         """Return what each machine says, by a name for it."""
         ray = self._cluster.ray
         from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
 
-        look = ray.remote(num_cpus=0, max_calls=1, runtime_env=environment)(ray_node.look)
+        probe = ray.remote(num_cpus=0, max_calls=1, runtime_env=environment)(ray_node.probe)
         asked = []
         for node in self._cluster.nodes():
             only = NodeAffinitySchedulingStrategy(node["NodeID"], soft=False)
             name = node["NodeID"][:12]
-            own = look.options(scheduling_strategy=only).remote(self._driver, name, list(roots))
+            own = probe.options(scheduling_strategy=only).remote(self._driver, name, list(roots))
             asked.append((node["NodeManagerHostname"], name, own))
         answers = []
         for host, name, reference in asked:
             try:
-                seen = self._cluster.waiting(ray.get, reference, timeout=SECONDS)
-                answers.append((name, seen))
+                report = self._cluster.waiting(ray.get, reference, timeout=SECONDS)
+                answers.append((name, report))
             except ray.exceptions.GetTimeoutError as error:
                 raise EngineError(
                     f"machine {host} does not answer within {SECONDS:.0f} s; is it busy or gone?"
@@ -79,18 +79,18 @@ class Probe:
                 ) from error
         return answers
 
-    def _compare(self, seen: ray_node.Seen) -> None:
+    def _compare(self, report: ray_node.NodeReport) -> None:
         """Say once in which versions a machine differs from this one."""
-        here, there = versions(), seen.versions
+        here, there = versions(), report.versions
         other = [
             f"{name} {there.get(name)} (here {here.get(name)})"
             for name in sorted(here.keys() | there.keys())
             if here.get(name) != there.get(name)
         ]
-        if other and seen.host not in self._told:
-            self._told.add(seen.host)
+        if other and report.host not in self._noted:
+            self._noted.add(report.host)
             self._watcher.notice(
-                f"machine {seen.host} has {', '.join(other)}: its runs are not bit for bit as here"
+                f"machine {report.host} has {', '.join(other)}: its runs are not equal bit for bit"
             )
 
     def _marker(self, root: str) -> Path:

@@ -25,6 +25,8 @@ MOST_THIN = 5
 """Seeds of a line that are drawn one by one beside its mean."""
 FAR = 0.6
 """How far beyond the curves a target is drawn still, as a share of their range."""
+NEAR = 0.1
+"""How far below the top a target's name stands under its line, as a share of the range."""
 
 
 @dataclass(frozen=True)
@@ -128,16 +130,18 @@ def _line(axes: Axes, line: Line, colour: str) -> None:
 def _target(axes: Axes, value: float, name: str) -> None:
     """Draw a dashed line where it is not far beyond the curves; else say where it is."""
     bottom, top = axes.get_ylim()
-    text, room = f"{name} {value:.4g}", FAR * (top - bottom)
+    text, room, side = f"{name} {value:.4g}", FAR * (top - bottom), "bottom"
     if bottom - room <= value <= top + room:
         axes.axhline(value, color=style.INK, linewidth=1, linestyle=(0, (5, 3)), zorder=2)
         place, units = (0.0, value), ("axes fraction", "data")
+        near = value > top - NEAR * (top - bottom)  # the panel's title
+        side = "top" if near else "bottom"
     else:
         above = value > top
         place, units = (0.0, 0.93 if above else 0.01), ("axes fraction", "axes fraction")
         text = f"{text}, {'above' if above else 'below'} all that is shown"
     axes.annotate(
-        text, place, (3, 3), xycoords=units, textcoords="offset points", size=style.NOTE_SIZE,
-        color=style.INK, zorder=4,
+        text, place, (3, 3 if side == "bottom" else -3), va=side, xycoords=units,
+        textcoords="offset points", size=style.NOTE_SIZE, color=style.INK, zorder=4,
         bbox={"facecolor": "white", "alpha": 0.75, "linewidth": 0, "pad": 0.5},
     )  # fmt: skip

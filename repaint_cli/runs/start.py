@@ -114,10 +114,25 @@ def plan_resume(
                 f"expected --iterations of at least {done}, which {folder} has, found {iterations}"
             )
         plan = plan.for_iterations(iterations)
+    return _with_teacher_name(plan, done, teacher_name, replace_teacher)
+
+
+def _with_teacher_name(plan: Plan, done: int, name: str | None, may_replace: bool) -> Plan:
+    """Return the plan of a run that goes on with the name of the teacher that it trains.
+
+    Args:
+        plan: of the run.
+        done: iterations that it has.
+        name: another one; as planned where absent.
+        may_replace: whether that may replace one in the zoo.
+
+    Raises:
+        StoreError: the name is taken, and there is something left to train.
+    """
     if plan.teacher_name is None:
         return plan
-    name = teacher_name or plan.teacher_name
-    may_replace = replace_teacher or (plan.replace and name == plan.teacher_name)
+    name = name or plan.teacher_name
+    may_replace = may_replace or (plan.replace and name == plan.teacher_name)
     if done < plan.task.ppo.n_iterations:
         new_teacher_name(name, may_replace)
     return replace(plan, teacher_name=name, replace=may_replace)

@@ -83,10 +83,10 @@ def check_versions(driver: tuple[int, int], toolkit: tuple[int, int]) -> None:
         DeviceError: it is older.
     """
     if driver[0] < toolkit[0]:
-        made_for, found = (".".join(map(str, version)) for version in (toolkit, driver))
+        made_for, installed = (".".join(map(str, version)) for version in (toolkit, driver))
         raise DeviceError(
             f"expected a driver for CUDA {toolkit[0]} or newer, as numba-cuda compiles with CUDA "
-            f"{made_for}, found one for {found}; update the driver, install "
+            f"{made_for}, found one for {installed}; update the driver, install "
             f"'numba-cuda[cu{driver[0]}]', {INSTEAD}"
         )
 
